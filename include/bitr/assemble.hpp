@@ -1,0 +1,123 @@
+// From pairs of clouds to poses.
+#pragma once
+
+#include <array>
+#include <bitr/cloud.hpp>
+#include <bitr/device.hpp>
+#include <bitr/model.hpp>
+#include <bitr/pose.hpp>
+#include <bitr/result.hpp>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace bitr {
+
+/// Source X and reference Y, each in a frame and pose of its own, in the same units. N ≠ M is fine, and they need
+/// not overlap.
+struct CloudPair {
+  CloudView source;
+  CloudView reference;
+};
+
+enum class Precision { f32, f64 };
+
+struct PlanOptions {
+  Precision precision = Precision::f32;
+  std::optional<Mode> mode;  ///< overrides the model's
+  bool as_defined = false;   ///< evaluate the network as the paper states it, nothing folded: slow, the truth
+};
+
+/// What a plan can hold at once: pairs, and the points of all their clouds together.
+struct BatchShape {
+  std::size_t pairs = 1;
+  std::size_t points = 0;
+};
+
+struct AssembleOptions {
+  bool complete_match = false;  ///< return f(X,Y)∘f(X,X): exact when Y is a moved copy of X, for any weights
+  bool diagnostics = true;      ///< overlap and inlier RMSE (needs neighbour searches between the clouds)
+  bool swap_residual = false;   ///< also evaluate f(Y,X), which doubles the work
+};
+
+/// The capacity that `assemble` needs for these pairs with these options.
+BatchShape shape_of(std::span<const CloudPair> pairs, const AssembleOptions& options = {});
+
+enum class Status {
+  ok,
+  degenerate,  ///< the pose is not determined by the clouds: see `reason`
+  failed,      ///< a non-finite number appeared; the pose holds NaN
+};
+
+struct Diagnostics {
+  std::array<double, 3> singular_values{};  ///< of r̂ / max(|r̂|, 1e-5), descending
+  /// (s₂ ± s₃)/s₁ with the sign of det r̂: the distance of the rotation from being ambiguous, in [0, 2].
+  double rotation_gap = 0;
+  bool degenerate = false;
+  std::string reason;                         ///< empty when not degenerate
+  std::optional<double> overlap;              ///< share of source points with a reference point within the threshold
+  std::optional<double> inlier_rmse;          ///< over those points, in the clouds' units; empty if there are none
+  std::optional<double> inlier_threshold;     ///< twice the larger of the clouds' median neighbour distances
+  std::optional<double> swap_residual;        ///< |f(X,Y)∘f(Y,X) − I|, translation in units of the reference's size
+};
+
+struct Assembly {
+  Status status = Status::ok;
+  Pose T_reference_source;  ///< x_reference = R x_source + t
+  Diagnostics diagnostics;
+  std::vector<Vec3d> source_key_points;     ///< num_key_points, in the source's frame
+  std::vector<Vec3d> reference_key_points;  ///< num_key_points, in the reference's frame
+};
+
+struct StageTime {
+  std::string stage;
+  double milliseconds = 0;
+};
+
+/// A model made ready for one device: folded weights, schedule and workspace. Belongs to one thread at a time.
+class Plan {
+ public:
+  const Model& model() const;
+  const PlanOptions& options() const;
+  Mode mode() const;
+  BatchShape capacity() const;
+  std::size_t workspace_bytes() const;            ///< memory held for tensors between operations
+  std::size_t operation_count() const;            ///< operations a forward pass runs
+  const std::vector<StageTime>& timings() const;  ///< of the last forward pass
+
+  struct Impl;
+  explicit Plan(std::unique_ptr<Impl> impl);
+  Plan(Plan&&) noexcept;
+  Plan& operator=(Plan&&) noexcept;
+  ~Plan();
+  Impl& impl() { return *impl_; }
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+Result<Plan> make_plan(const Device& device, const Model& model, const BatchShape& capacity,
+                       const PlanOptions& options = {});
+
+/// Assembles every pair. Poses are computed relative to the clouds' centroids, so large coordinates lose nothing.
+/// `invalid_argument` when a cloud has fewer than k+1 points, a non-finite coordinate, no extent, lacks the normals
+/// or colours the model reads, or the batch exceeds the plan's capacity; the message names the pair and the cloud.
+Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
+                                       const AssembleOptions& options = {});
+
+/// One stage of the network, compared with its definition.
+struct StageDifference {
+  std::string stage;
+  double difference = 0;  ///< largest absolute difference over the largest absolute entry
+  double bound = 0;       ///< what the plan's precision is held to
+  bool within() const { return difference <= bound; }
+};
+
+/// Runs the pair through the plan and, as defined and in double precision, through the CPU; compares every stage
+/// that both compute, and the rotation ("out.R") and translation ("out.t").
+Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair);
+
+}  // namespace bitr

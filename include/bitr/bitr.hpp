@@ -1,0 +1,10 @@
+// Everything: read clouds, load a model, make a plan, assemble.
+#pragma once
+
+#include <bitr/assemble.hpp>
+#include <bitr/cloud.hpp>
+#include <bitr/device.hpp>
+#include <bitr/io.hpp>
+#include <bitr/model.hpp>
+#include <bitr/pose.hpp>
+#include <bitr/result.hpp>

@@ -1,0 +1,85 @@
+// A model: the network's configuration and weights, immutable and shared between plans and threads.
+#pragma once
+
+#include <bitr/result.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace bitr {
+
+namespace model {
+struct Weights;
+}
+
+/// Sizes of the network, by the official code's argument names (BITR, NeurIPS 2024). A fiber is a map from a
+/// degree of SO(3)×SO(3) to a number of channels.
+struct ModelConfig {
+  int num_channels = 4;          ///< channels of every degree inside the two-sided (6-D) network
+  int predict_head = 2;          ///< channels of degrees (1,0), (0,1), (1,1) that the head reduces; (0,0) has 4×
+  int num_layers = 2;            ///< hidden layers of the two-sided network
+  int feature_num_layers = 2;    ///< hidden layers of the feature extractor
+  int feature_max_deg = 1;       ///< highest degree in the extractor; 1 is the only value the model is defined for
+  int feature_num_channels = 4;  ///< channels of every degree in the extractor
+  int div = 2;                   ///< values and keys have 1/div of a layer's output channels
+  int heads = 2;                 ///< attention heads of the hidden layers ("head" in files)
+  int k_neighbor = 24;           ///< neighbours of a point in its cloud
+  int re_convert_k = 24;         ///< neighbours of a key-point pair in the 6-D graph
+  int num_key_points = 32;       ///< key points per cloud
+  int key_mean_num = 24;         ///< points that give a key point its features
+  int key_global_merge_coe = 4;  ///< pooled scalars exchanged between the two clouds
+  bool return_normals = false;   ///< the model reads unit normals
+  bool get_color = false;        ///< the model reads colours instead of the constant 0.5
+
+  bool operator==(const ModelConfig&) const = default;
+};
+
+/// `invalid_argument` naming the field, its value and its range.
+Result<void> validate(const ModelConfig& config);
+
+/// Which numbers the norms use. `reference`: the official eps (1e-8 in LayerNorm, 1e-6 in the head's GraphNorm).
+/// `scale_exact`: eps = 0 in both, so that f(cX, cY) = (R, c t) holds to rounding.
+enum class Mode { reference, scale_exact };
+
+class Model {
+ public:
+  const ModelConfig& config() const;
+  Mode mode() const;                     ///< the mode its file asks for; a plan may override it
+  const std::string& name() const;       ///< file stem, or "untrained(seed)"
+  bool trained() const;                  ///< false for untrained_model()
+  std::size_t parameter_count() const;   ///< trainable numbers, tied ones counted once
+  std::size_t tensor_count() const;      ///< trainable tensors, tied ones counted once
+  const model::Weights& weights() const { return *weights_; }
+
+  explicit Model(std::shared_ptr<const model::Weights> weights) : weights_(std::move(weights)) {}
+
+ private:
+  std::shared_ptr<const model::Weights> weights_;
+};
+
+struct ModelOptions {
+  std::string name = "model";  ///< reported by name() and in errors
+  std::optional<Mode> mode;    ///< overrides the file's
+};
+
+/// Reads weights in safetensors form. Tensor names are the official state dict's; aliases may be present but must
+/// agree. The configuration comes from the metadata key "bitr.config" (JSON, official argument names); without it,
+/// from the shapes, and the mode is `reference`. `bad_file` names a missing, extra, misshapen or non-finite tensor.
+Result<Model> load_model(std::span<const std::byte> safetensors, const ModelOptions& options = {});
+/// The same from a file; `io` when it cannot be read.
+Result<Model> load_model(const std::filesystem::path& path, const ModelOptions& options = {});
+
+/// The official initialisation (Kaiming-uniform radial networks, randn/√fan-in linear maps) from a seed. By
+/// f(X,gX)∘f(X,X) = g it assembles complete copies without any training ("U-BITR" in the paper).
+Result<Model> untrained_model(const ModelConfig& config = {}, std::uint64_t seed = 0,
+                              Mode mode = Mode::scale_exact);
+
+/// Safetensors bytes with canonical names, "bitr.config" and "bitr.mode" in the metadata.
+std::vector<std::byte> serialize(const Model& model);
+
+}  // namespace bitr
