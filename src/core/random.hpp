@@ -33,7 +33,10 @@ class Random {
   /// Uniform on SO(3), row-major: a random unit quaternion.
   std::array<double, 9> rotation() {
     double q[4], norm = 0;
-    for (double& c : q) norm += (c = normal()) * c;
+    for (double& c : q) {
+      c = normal();
+      norm += c * c;
+    }
     for (double& c : q) c /= std::sqrt(norm);
     const double w = q[0], x = q[1], y = q[2], z = q[3];
     return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
