@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "corpus.hpp"
+
 namespace {
 
 std::filesystem::path output;
@@ -23,5 +25,6 @@ void seed(std::string_view parser, std::string_view file, std::string_view bytes
 int main(int argc, char** argv) {
   if (argc != 2) return std::fputs("usage: make_corpus OUTPUT_DIR\n", stderr), 2;
   output = argv[1];
+  write_weight_seeds(seed);
   seed("ply", "empty.ply", "");
 }
