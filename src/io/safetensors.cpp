@@ -155,10 +155,11 @@ class HeaderReader final : public nlohmann::json_sax<Json> {
 
 /// Bytes of a tensor of this shape, or nothing when the product overflows.
 std::optional<std::uint64_t> bytes_of(const Entry& entry) {
-  std::uint64_t total = size_of(*entry.type);
+  std::uint64_t total = 1;
   for (const std::uint64_t extent : entry.shape) {
     if (__builtin_mul_overflow(total, extent, &total)) return std::nullopt;
   }
+  if (__builtin_mul_overflow(total, size_of(*entry.type), &total)) return std::nullopt;
   return total;
 }
 

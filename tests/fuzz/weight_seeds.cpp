@@ -62,6 +62,7 @@ void write_weight_seeds(WriteSeed seed) {
   seed("pickle", "views",
        pickle(dict({text("t"), tensor(six, 0, {3, 2}, {1, 3}), text("s"), tensor(six, 1, {3}, {2}), text("x"),
                     tensor(six, 2, {1, 2, 2}, {9, 0, 3}), text("e"), tensor(six, 0, {0, 4}, {4, 1})})));
+  seed("pickle", "wide_and_empty", pickle(dict({text("w"), tensor(six, 0, {1ll << 62, 0}, {1, 1})})));
   seed("pickle", "versions",
        pickle(ordered_dict + text("w") + tensor(six, 0, {6}, {1}) + "s}" + text("_metadata") + "}sb"));
   seed("pickle", "memo",

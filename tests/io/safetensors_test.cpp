@@ -97,6 +97,14 @@ TEST(Safetensors, HeaderInAnyOrderWithBlanks) {
   EXPECT_EQ(map->metadata.at("k"), "v");
 }
 
+TEST(Safetensors, AnEmptyTensorMayBeWide) {
+  TensorMap map;
+  map.tensors["x"] = {DType::f64, {std::size_t{1} << 62, 0}, {}};
+  const auto again = parse_safetensors(serialize_safetensors(map), "wide");
+  ASSERT_TRUE(again) << again.error().message;
+  expect_equal(map, *again);
+}
+
 struct Malformed {
   std::string header;
   std::size_t data;
