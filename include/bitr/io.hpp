@@ -1,6 +1,7 @@
 // Files: point clouds and meshes in, clouds out. Readers trust nothing a file says about itself: a length is
-// checked against the bytes that are really there before it is used, and errors name the file, the byte offset
-// (or the line) and the limit.
+// checked against the bytes that are really there before it is used, so that memory stays within a small
+// multiple of the file's size. An error is one line that names the file, the byte offset or the line, the
+// value and the limit: "scan.ply: byte 212: 4000000000 rows of "vertex" need 48000000000 bytes, 1024 remain".
 #pragma once
 
 #include <bitr/cloud.hpp>
@@ -10,15 +11,23 @@
 #include <filesystem>
 #include <span>
 #include <string_view>
+#include <vector>
 
 namespace bitr::io {
 
 /// Formats are chosen by the file's extension, case-insensitively:
 ///   .ply  ascii, binary little and big endian; vertices, normals, colours, faces
-///   .pcd  ascii, binary, binary_compressed; x y z, normal_x/y/z, rgb
-///   .xyz .txt .csv  three or six numbers a line (or a header that names the columns)
-///   .npy  N×3 or N×6 (positions, normals), little-endian f4 or f8, C order
-///   .obj .off .stl  meshes
+///   .pcd  0.7: ascii, binary, binary_compressed; x y z, normal_x/y/z, rgb
+///   .xyz .txt .csv  a point a line, cells separated by blanks, commas or semicolons; # and // start
+///   comments.
+///         A header line may name the columns (x, y, z, nx, ny, nz, r, g, b, …). Without one the first three
+///         columns are x y z, and six columns are x y z and a unit normal; other numbers of columns say
+///         nothing
+///   .npy  N×3, or N×6 (positions, unit normals); little-endian f4 or f8, C order
+///   .obj .off .stl  meshes; equal corners of an STL are one vertex
+/// In all of them polygons become fans of triangles. Coordinates, normals and colours must be finite. Normals
+/// are scaled to unit length; a cloud whose normals are all zero has none, and one zero among others is
+/// refused. Integer colours are scaled to [0, 1], floating-point ones too if any is above 1.
 enum class CloudFormat { ply, pcd, text, npy, obj, off, stl };
 
 /// `unsupported` when the extension is not one of the above.
@@ -36,34 +45,39 @@ struct ReadOptions {
   std::uint64_t seed = 0;          ///< of that sampling
 };
 
-/// Parses bytes already in memory; `name` only labels errors. Rejects NaN and infinite coordinates.
+/// Parses bytes already in memory; `name` only labels errors. `bad_file` when they are malformed, hold NaN or
+/// infinity (organised scans mark holes so) or no point at all; `unsupported` for a variant not listed above.
 Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format, std::string_view name);
 
-/// Reads a whole file. `io` when it cannot be opened or read, `bad_file` when its content is wrong.
+/// Reads a whole file. `io` when it cannot be opened or read, else as parse_geometry.
 Result<Geometry> read_geometry(const std::filesystem::path& path);
 
 /// Reads a cloud; a mesh is sampled uniformly by area (see sample_mesh).
 Result<PointCloud> read_cloud(const std::filesystem::path& path, const ReadOptions& options = {});
 
-/// `count` points uniform by area over the mesh, with unit face normals; same seed, same points.
-/// `bad_file`-free: `invalid_argument` when the mesh has no area or count is 0.
+/// `count` independent points, uniform by area over the mesh, with unit face normals. Same seed, same points;
+/// a mesh moved rigidly gives the same points, moved. `invalid_argument` when the mesh has no area, a
+/// triangle uses a vertex that is not there, or count is 0.
 Result<PointCloud> sample_mesh(const Mesh& mesh, std::size_t count, std::uint64_t seed);
 
-/// `count` distinct points drawn without replacement, in their original order; the cloud itself when it is not
-/// larger. Same seed, same points.
+/// `count` distinct points drawn without replacement, in their original order; the cloud itself when it is
+/// not larger. Same seed, same points.
 PointCloud subsample(const PointCloud& cloud, std::size_t count, std::uint64_t seed);
 
 enum class PlyEncoding { ascii, binary_little_endian };
 
-/// Writes positions (as float when exactly representable, else double), normals and colours (8 bit) if present.
-/// Written to a temporary beside `path` and renamed, so a failure leaves nothing half-written.
+/// Writes positions (as float when all are exactly representable, else double), normals and colours (8 bit)
+/// if present; positions and normals read back bit for bit. Written as write_file does. `invalid_argument`
+/// for NaN or infinite values, and for normals or colours that are not one per point.
 Result<void> write_ply(const std::filesystem::path& path, const PointCloud& cloud,
                        PlyEncoding encoding = PlyEncoding::binary_little_endian);
 
-/// Writes `bytes` atomically: temporary file in the same folder, flush, rename.
+/// Writes `bytes` atomically: a temporary file in the same folder, flushed, renamed over `path`. On failure
+/// (`io`) the temporary is gone and an older file is as it was. An existing file keeps its permissions, a
+/// symbolic link its target's place; pipes and devices are written to directly.
 Result<void> write_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
-/// Reads a whole file into memory.
+/// Reads a whole file (or pipe) of up to 8 GiB into memory.
 Result<std::vector<std::byte>> read_file(const std::filesystem::path& path);
 
 }  // namespace bitr::io

@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "cloud_seeds.hpp"
 #include "corpus.hpp"
 
 namespace {
@@ -26,5 +27,5 @@ int main(int argc, char** argv) {
   if (argc != 2) return std::fputs("usage: make_corpus OUTPUT_DIR\n", stderr), 2;
   output = argv[1];
   write_weight_seeds(seed);
-  seed("ply", "empty.ply", "");
+  for (const auto& [parser, file, bytes] : bitr::io::cloud_seeds()) seed(parser, file, bytes);
 }

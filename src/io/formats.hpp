@@ -1,0 +1,31 @@
+// One parser per format, all of the same shape: bytes and a name for errors in, a Geometry out.
+#pragma once
+
+#include <bitr/io.hpp>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace bitr::io {
+
+/// The whole content of one file. `name` only labels errors.
+struct File {
+  std::span<const std::byte> bytes;
+  std::string_view name;
+
+  std::string_view text() const { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
+};
+
+Result<Geometry> parse_ply(const File& file);
+Result<Geometry> parse_pcd(const File& file);
+Result<Geometry> parse_text(const File& file);
+Result<Geometry> parse_npy(const File& file);
+Result<Geometry> parse_obj(const File& file);
+Result<Geometry> parse_off(const File& file);
+Result<Geometry> parse_stl(const File& file);
+
+/// What write_ply puts in the file. `invalid_argument` for NaN or infinite values, and for normals or colours
+/// that are not one per point.
+Result<std::vector<std::byte>> serialize_ply(const PointCloud& cloud, PlyEncoding encoding);
+
+}  // namespace bitr::io

@@ -1,0 +1,134 @@
+// Points from meshes, and fewer points from clouds; both repeat exactly for a seed.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <new>
+#include <stdexcept>
+
+#include "core/random.hpp"
+#include "io/complaint.hpp"
+#include "io/formats.hpp"
+
+namespace bitr::io {
+namespace {
+
+Vec3d minus(const Vec3d& a, const Vec3d& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+
+Vec3d cross(const Vec3d& a, const Vec3d& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+double length(const Vec3d& a) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+
+struct Triangle {
+  Vec3d corner, side_b,
+      side_c;  ///< sides in units of the mesh's extent, so that no product over- or underflows
+};
+
+double extent(const Mesh& mesh) {
+  constexpr double inf = std::numeric_limits<double>::infinity();
+  Vec3d low{inf, inf, inf}, high{-inf, -inf, -inf};
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t vertex : triangle) {
+      for (int k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], mesh.vertices[vertex][k]);
+        high[k] = std::max(high[k], mesh.vertices[vertex][k]);
+      }
+    }
+  }
+  return std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+}
+
+Triangle triangle_of(const Mesh& mesh, std::size_t index, double unit) {
+  const auto& [a, b, c] = mesh.triangles[index];
+  Triangle triangle{mesh.vertices[a], minus(mesh.vertices[b], mesh.vertices[a]),
+                    minus(mesh.vertices[c], mesh.vertices[a])};
+  for (int k = 0; k < 3; ++k) {
+    triangle.side_b[k] /= unit;
+    triangle.side_c[k] /= unit;
+  }
+  return triangle;
+}
+
+// Twice the area, along the normal. Never inlined: a triangle whose area rounds to zero must do so every
+// time.
+[[gnu::noinline]] Vec3d area_vector(const Triangle& triangle) {
+  return cross(triangle.side_b, triangle.side_c);
+}
+
+Result<PointCloud> sample(const Mesh& mesh, std::size_t count, std::uint64_t seed) {
+  if (count == 0) return fail(ErrorCode::invalid_argument, "0 points to sample; at least 1 is needed");
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    for (const std::uint32_t vertex : mesh.triangles[i]) {
+      if (vertex >= mesh.vertices.size()) {
+        return fail(ErrorCode::invalid_argument,
+                    text("triangle ", i, " uses vertex ", vertex, "; there are ", mesh.vertices.size()));
+      }
+    }
+  }
+  const double unit = mesh.triangles.empty() ? 0 : extent(mesh);
+  std::vector<double> area_up_to(mesh.triangles.size());
+  double area = 0;
+  for (std::size_t i = 0; i < mesh.triangles.size() && unit > 0 && std::isfinite(unit); ++i) {
+    area_up_to[i] = area += length(area_vector(triangle_of(mesh, i, unit)));
+  }
+  if (!(area > 0) || !std::isfinite(area)) {
+    return fail(ErrorCode::invalid_argument,
+                text("the mesh's ", mesh.triangles.size(), " triangles have no area that a double can hold"));
+  }
+
+  // Three draws for each point, whatever triangle they fall on, and none that depends on the frame: a mesh
+  // that is moved rigidly gives the same points, moved.
+  Random random(seed);
+  PointCloud cloud;
+  cloud.positions.reserve(count);
+  cloud.normals.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double pick = random.uniform() * area, across = std::sqrt(random.uniform()),
+                 along = random.uniform();
+    auto found = std::upper_bound(area_up_to.begin(), area_up_to.end(), pick);
+    if (found == area_up_to.end()) found = std::lower_bound(area_up_to.begin(), area_up_to.end(), area);
+    const Triangle triangle = triangle_of(mesh, static_cast<std::size_t>(found - area_up_to.begin()), unit);
+    const double b = across * (1 - along) * unit, c = across * along * unit;
+    Vec3d point;
+    const Vec3d normal = area_vector(triangle);
+    for (int k = 0; k < 3; ++k)
+      point[k] = triangle.corner[k] + b * triangle.side_b[k] + c * triangle.side_c[k];
+    const double norm = length(normal);
+    cloud.positions.push_back(point);
+    cloud.normals.push_back({static_cast<float>(normal[0] / norm), static_cast<float>(normal[1] / norm),
+                             static_cast<float>(normal[2] / norm)});
+  }
+  return cloud;
+}
+
+}  // namespace
+
+Result<PointCloud> sample_mesh(const Mesh& mesh, std::size_t count, std::uint64_t seed) try {
+  return sample(mesh, count, seed);
+} catch (const std::bad_alloc&) {
+  return fail(ErrorCode::invalid_argument, text(count, " points to sample are too many for memory"));
+} catch (const std::length_error&) {
+  return fail(ErrorCode::invalid_argument, text(count, " points to sample are too many for memory"));
+}
+
+PointCloud subsample(const PointCloud& cloud, std::size_t count, std::uint64_t seed) {
+  if (count >= cloud.size()) return cloud;
+  const bool normals = cloud.normals.size() == cloud.size(), colors = cloud.colors.size() == cloud.size();
+  PointCloud out;
+  out.positions.reserve(count);
+  if (normals) out.normals.reserve(count);
+  if (colors) out.colors.reserve(count);
+  // Selection sampling: each point is taken with the chance that makes every subset of `count` equally
+  // likely.
+  Random random(seed);
+  for (std::size_t i = 0; out.size() < count; ++i) {
+    if (random.below(cloud.size() - i) >= count - out.size()) continue;
+    out.positions.push_back(cloud.positions[i]);
+    if (normals) out.normals.push_back(cloud.normals[i]);
+    if (colors) out.colors.push_back(cloud.colors[i]);
+  }
+  return out;
+}
+
+}  // namespace bitr::io

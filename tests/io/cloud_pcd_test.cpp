@@ -1,0 +1,101 @@
+#include <gtest/gtest.h>
+#include <lzf.h>
+
+#include <bit>
+#include <cmath>
+
+#include "io/cloud_bytes.hpp"
+
+namespace bitr::io {
+namespace {
+
+Result<Geometry> pcd(const std::string& content) { return parse(content, CloudFormat::pcd); }
+
+const std::string xyz =
+    "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT "
+    "1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\n";
+const std::vector<Vec3d> two_points = {{1, 2, 3}, {-4.5, 0.25, 1e3}};
+
+std::string compressed(const std::string& columns) {
+  std::string packed(columns.size() + 64, '\0');
+  const unsigned size = lzf_compress(columns.data(), static_cast<unsigned>(columns.size()), packed.data(),
+                                     static_cast<unsigned>(packed.size()));
+  packed.resize(size);
+  return little(size, static_cast<std::uint32_t>(columns.size())) + packed;
+}
+
+TEST(Pcd, ReadsAllThreeDataTypes) {
+  const std::string columns(2400, '\0');
+  const auto text = pcd(xyz + "DATA ascii\n1 2 3\n-4.5 .25 1e3\n");
+  const auto binary = pcd(xyz + "DATA binary\n" + little(1.f, 2.f, 3.f, -4.5f, .25f, 1e3f));
+  for (const auto* read : {&text, &binary}) {
+    ASSERT_TRUE(*read) << message(*read);
+    EXPECT_EQ((*read)->cloud.positions, two_points);
+  }
+  const std::string many =
+      "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 10\nHEIGHT 20\nDATA binary_compressed\n";
+  std::string data;
+  for (int k = 0; k < 3; ++k) {
+    for (int i = 0; i < 200; ++i) data += little(static_cast<float>(k * 1000 + i / 10));
+  }
+  const auto packed = pcd(many + compressed(data));
+  ASSERT_TRUE(packed) << message(packed);
+  ASSERT_EQ(packed->cloud.size(), 200u);
+  EXPECT_EQ(packed->cloud.positions[199], (Vec3d{19, 1019, 2019}));
+}
+
+TEST(Pcd, TakesFieldsOfAnyTypeCountAndOrder) {
+  const std::string header =
+      "VERSION .7\nFIELDS label normal_z _ z rgb y normal_y x normal_x\nSIZE 2 4 1 8 4 2 4 4 4\nTYPE U F U F "
+      "U I F I "
+      "F\nCOUNT 1 1 3 1 1 1 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n";
+  const std::string pad = "abc";
+  const std::string row = little(std::uint16_t{7}, 2.f) + pad +
+                          little(0.125, 0x00ff3300u, std::int16_t{-2}, 0.f, std::int32_t{1}, 0.f);
+  const auto binary = pcd(header + "DATA binary\n" + row);
+  const auto columns = pcd(header + "DATA binary_compressed\n" + compressed(row + ""));
+  const auto text = pcd(header + "DATA ascii\n7 2 9 9 9 0.125 16724736 -2 0 1 0\n");
+  for (const auto* read : {&text, &binary}) {
+    ASSERT_TRUE(*read) << message(*read);
+    EXPECT_EQ((*read)->cloud.positions[0], (Vec3d{1, -2, 0.125}));
+    EXPECT_EQ((*read)->cloud.normals.at(0), (Vec3f{0, 0, 1}));
+    EXPECT_EQ((*read)->cloud.colors.at(0), (Vec3f{1, 0.2f, 0}));
+  }
+}
+
+TEST(Pcd, UnpacksColoursStoredAsFloats) {
+  const std::string header = "FIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nWIDTH 1\nHEIGHT 1\n";
+  const auto packed = std::bit_cast<float>(0x00ff3300u);
+  const auto binary = pcd(header + "DATA binary\n" + little(1.f, 2.f, 3.f, packed));
+  const auto text = pcd(header + "DATA ascii\n1 2 3 2.3436490e-38\n");
+  ASSERT_TRUE(binary) << message(binary);
+  EXPECT_EQ(binary->cloud.colors.at(0), (Vec3f{1, 0.2f, 0}));
+  ASSERT_TRUE(text) << message(text);
+  EXPECT_EQ(text->cloud.colors.at(0)[0], 1);
+}
+
+TEST(Pcd, RefusesTheHolesOfOrganisedScansByRow) {
+  EXPECT_EQ(message(pcd(xyz + "DATA ascii\n1 2 3\nnan nan nan\n")),
+            "scan.dat: line 13: point 1: x is nan; coordinates must be finite");
+  const std::string data = "DATA binary\n";
+  EXPECT_EQ(message(pcd(xyz + data + little(1.f, 2.f, 3.f, NAN, NAN, NAN))),
+            "scan.dat: byte " + std::to_string(xyz.size() + data.size() + 12) +
+                ": point 1: x is nan; coordinates must be finite");
+}
+
+TEST(Pcd, BoundsDecompression) {
+  const std::string header =
+      "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 100000000\nHEIGHT 1\nDATA binary_compressed\n";
+  EXPECT_EQ(message(pcd(header + little(20u, 1200000000u) + std::string(20, 'x'))),
+            "scan.dat: byte " + std::to_string(header.size()) +
+                ": 20 compressed bytes cannot hold 1200000000; LZF's limit is 88 to 1");
+  const std::string two = xyz + "DATA binary_compressed\n";
+  EXPECT_NE(message(pcd(two + little(4u, 24u) + "\xff\xff\xff\xff")).find("LZF block is damaged"),
+            std::string::npos);
+  EXPECT_NE(message(pcd(two + little(400u, 24u) + "abcd")).find("400 bytes, 4 remain"), std::string::npos);
+  EXPECT_NE(message(pcd(two + little(4u, 36u) + "abcd")).find("2 points need 24 bytes, the block holds 36"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace bitr::io
