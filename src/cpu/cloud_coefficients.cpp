@@ -1,0 +1,6 @@
+#include "cpu/kernel.hpp"
+namespace bitr::cpu {
+template <class T> KernelPtr<T> make_kernel(const ops::CloudCoefficients&) { return nullptr; }
+template KernelPtr<float> make_kernel(const ops::CloudCoefficients&);
+template KernelPtr<double> make_kernel(const ops::CloudCoefficients&);
+}

@@ -1,0 +1,222 @@
+// Compiled without contraction into fused multiply-adds, so that brute force and the tree see the same bits and
+// ties are ties in both.
+#include <algorithm>
+#include <limits>
+#include <nanoflann.hpp>
+#include <numeric>
+
+#include "cpu/kernel.hpp"
+
+namespace bitr::cpu {
+namespace {
+
+// Above this many references per cloud a k-d tree beats brute force (measured; docs/performance.md).
+constexpr std::size_t brute_force_limit = 3000;
+
+template <class T>
+struct Candidate {
+  T distance;
+  std::uint32_t index;
+  bool operator<(const Candidate& other) const {
+    return distance < other.distance || (distance == other.distance && index < other.index);
+  }
+};
+
+// Structure of arrays, padded to whole lanes with points at infinity.
+template <class T>
+struct Coordinates {
+  int dim;
+  std::size_t count, padded;
+  std::vector<T> values;
+
+  Coordinates(const T* points, std::size_t n, int dimension)
+      : dim(dimension), count(n), padded((n + 4 * lane_count - 1) / (4 * lane_count) * (4 * lane_count)),
+        values(padded * dimension, std::numeric_limits<T>::infinity()) {
+    for (std::size_t i = 0; i < n; ++i)
+      for (int a = 0; a < dim; ++a) values[a * padded + i] = points[i * dim + a];
+  }
+};
+
+template <class T>
+class BruteForce {
+ public:
+  BruteForce(const Coordinates<T>& points, int k) : points_(points), k_(k), distance_(points.padded) {}
+
+  // `self`: reference to leave out; ≥ count for none.
+  void search(const T* query, std::size_t self, std::uint32_t base, std::uint32_t* out) {
+    distances(query);
+    if (self < points_.count) distance_[self] = std::numeric_limits<T>::infinity();
+    const T limit = bound();
+    found_.clear();
+    for (std::size_t i = 0; i < points_.padded; i += 4 * lane_count) {
+      const Eigen::Map<const Eigen::Array<T, 4 * lane_count, 1>> block(distance_.data() + i);
+      if (!(block <= limit).any()) continue;
+      for (std::size_t j = i; j < i + 4 * lane_count; ++j)
+        if (distance_[j] <= limit) found_.push_back({distance_[j], static_cast<std::uint32_t>(j)});
+    }
+    // Points at infinity (padding, the query itself) can pass the limit only when k points do not exist below it.
+    std::partial_sort(found_.begin(), found_.begin() + k_, found_.end());
+    for (int i = 0; i < k_; ++i) out[i] = base + found_[i].index;
+  }
+
+ private:
+  void distances(const T* query) {
+    for (std::size_t i = 0; i < points_.padded; i += lane_count) {
+      Lanes<T> sum = Lanes<T>::Zero();
+      for (int a = 0; a < points_.dim; ++a) {
+        const Lanes<T> d = query[a] - Eigen::Map<const Lanes<T>>(points_.values.data() + a * points_.padded + i);
+        sum += d * d;
+      }
+      Eigen::Map<Lanes<T>>(distance_.data() + i) = sum;
+    }
+  }
+
+  // An upper bound of the k-th smallest distance: split the points into at least k groups; k group minima are k
+  // distances. Without enough groups every point is a candidate.
+  T bound() {
+    const std::size_t vectors = points_.padded / lane_count;
+    const std::size_t span = std::max<std::size_t>(1, vectors * lane_count / (static_cast<std::size_t>(k_) * 3));
+    const std::size_t chunks = (vectors + span - 1) / span;
+    if (chunks * lane_count < static_cast<std::size_t>(k_)) return std::numeric_limits<T>::infinity();
+    minima_.resize(chunks * lane_count);
+    for (std::size_t c = 0; c < chunks; ++c) {
+      Lanes<T> least = Lanes<T>::Constant(std::numeric_limits<T>::infinity());
+      for (std::size_t v = c * span; v < std::min(vectors, (c + 1) * span); ++v)
+        least = least.min(Eigen::Map<const Lanes<T>>(distance_.data() + v * lane_count));
+      Eigen::Map<Lanes<T>>(minima_.data() + c * lane_count) = least;
+    }
+    std::nth_element(minima_.begin(), minima_.begin() + (k_ - 1), minima_.end());
+    return minima_[k_ - 1];
+  }
+
+  const Coordinates<T>& points_;
+  const int k_;
+  std::vector<T> distance_, minima_;
+  std::vector<Candidate<T>> found_;
+};
+
+// nanoflann's view of the points.
+template <class T>
+struct PointRows {
+  const T* points;
+  std::size_t count;
+  std::size_t kdtree_get_point_count() const { return count; }
+  T kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[3 * i + axis]; }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+// Σ (a − b)² in the order of BruteForce.
+template <class T>
+struct SquaredDistance {
+  using ElementType = T;
+  using DistanceType = T;
+  const PointRows<T>& rows;
+  explicit SquaredDistance(const PointRows<T>& source) : rows(source) {}
+  T evalMetric(const T* a, std::size_t b, std::size_t) const {
+    T sum = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const T d = a[axis] - rows.kdtree_get_pt(b, axis);
+      sum += d * d;
+    }
+    return sum;
+  }
+  template <class U, class V>
+  T accum_dist(U a, V b, std::size_t) const {
+    return (a - b) * (a - b);
+  }
+};
+
+template <class T>
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<SquaredDistance<T>, PointRows<T>, 3, std::uint32_t>;
+
+// Keeps the k least (distance, index). The reported worst distance is widened so that the tree's rounded bounds
+// never prune a tie.
+template <class T>
+class NearestSet {
+ public:
+  using DistanceType = T;
+  NearestSet(int k, std::uint32_t self) : k_(k), self_(self) { found_.reserve(k + 1); }
+  std::size_t size() const { return found_.size(); }
+  bool full() const { return found_.size() == static_cast<std::size_t>(k_); }
+  bool addPoint(T distance, std::uint32_t index) {
+    if (index == self_) return true;
+    const Candidate<T> candidate{distance, index};
+    if (full() && !(candidate < found_.back())) return true;
+    found_.insert(std::upper_bound(found_.begin(), found_.end(), candidate), candidate);
+    if (found_.size() > static_cast<std::size_t>(k_)) found_.pop_back();
+    return true;
+  }
+  T worstDist() const {
+    if (!full()) return std::numeric_limits<T>::max();
+    return found_.back().distance * (1 + 16 * std::numeric_limits<T>::epsilon()) + std::numeric_limits<T>::min();
+  }
+  const std::vector<Candidate<T>>& found() const { return found_; }
+  void reset(std::uint32_t self) {
+    found_.clear();
+    self_ = self;
+  }
+
+ private:
+  int k_;
+  std::uint32_t self_;
+  std::vector<Candidate<T>> found_;
+};
+
+template <class T>
+class KnnKernel : public Kernel<T> {
+ public:
+  explicit KnnKernel(const ops::Knn& op) : op_(op) {}
+
+  void run(const Arguments& args) const override {
+    const Slot queries = args.in[0], references = args.in[1];
+    for (std::uint32_t segment = 0; segment < args.layout.segments(queries.rows); ++segment) {
+      const std::size_t q0 = args.layout.begin(queries.rows, segment), q1 = args.layout.begin(queries.rows, segment + 1);
+      const std::size_t r0 = args.layout.begin(references.rows, segment);
+      const std::size_t n = args.layout.begin(references.rows, segment + 1) - r0;
+      search(args.pool, queries.as<T>() + q0 * op_.dim, q1 - q0, references.as<T>() + r0 * op_.dim, n,
+             static_cast<std::uint32_t>(r0), args.out[0].as<std::uint32_t>() + q0 * op_.k);
+    }
+  }
+
+ private:
+  void search(ThreadPool& pool, const T* queries, std::size_t query_count, const T* references, std::size_t count,
+              std::uint32_t base, std::uint32_t* out) const {
+    constexpr std::size_t none = std::numeric_limits<std::uint32_t>::max();
+    const auto self = [&](std::size_t q) { return op_.exclude_self ? q : none; };
+    if (op_.dim != 3 || count <= brute_force_limit || query_count * 64 < count) {
+      const Coordinates<T> points(references, count, op_.dim);
+      pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64), [&](std::size_t q0, std::size_t q1) {
+        BruteForce<T> search(points, op_.k);
+        for (std::size_t q = q0; q < q1; ++q)
+          search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
+      });
+      return;
+    }
+    const PointRows<T> rows{references, count};
+    const Tree<T> tree(3, rows, {10});
+    pool.parallel_for(query_count, 512, [&](std::size_t q0, std::size_t q1) {
+      NearestSet<T> nearest(op_.k, 0);
+      for (std::size_t q = q0; q < q1; ++q) {
+        nearest.reset(static_cast<std::uint32_t>(self(q)));
+        tree.findNeighbors(nearest, queries + 3 * q, {});
+        for (int i = 0; i < op_.k; ++i) out[q * op_.k + i] = base + nearest.found()[i].index;
+      }
+    });
+  }
+
+  const ops::Knn op_;
+};
+
+}  // namespace
+
+template <class T>
+KernelPtr<T> make_kernel(const ops::Knn& op) {
+  return std::make_unique<KnnKernel<T>>(op);
+}
+template KernelPtr<float> make_kernel(const ops::Knn&);
+template KernelPtr<double> make_kernel(const ops::Knn&);
+
+}  // namespace bitr::cpu

@@ -1,0 +1,34 @@
+// The projected ReLU of one row, shared by every kernel that ends with it.
+#pragma once
+
+#include "cpu/kernel.hpp"
+
+namespace bitr::cpu {
+
+template <class T>
+T leaky(T x) {
+  return x > 0 ? x : static_cast<T>(ops::leaky_slope) * x;
+}
+
+/// x: channels × dim of one degree, in place. plane: channels × channels.
+template <class T>
+void projected_relu(const RowMatrix<T>& plane, int dim, T* x);
+
+/// One row of a fiber, in place.
+template <class T>
+class RowRelu {
+ public:
+  RowRelu() = default;
+  RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes);
+  void apply(T* row) const;
+
+ private:
+  struct Part {
+    int offset, dim;
+    RowMatrix<T> plane;
+  };
+  int scalars_ = 0;
+  std::vector<Part> parts_;
+};
+
+}  // namespace bitr::cpu

@@ -1,0 +1,94 @@
+#include "cpu/thread_pool.hpp"
+
+#include <sched.h>
+
+#include <algorithm>
+#include <fstream>
+
+namespace bitr::cpu {
+namespace {
+
+unsigned allowed_cores() {
+  cpu_set_t set;
+  if (sched_getaffinity(0, sizeof set, &set) == 0) return static_cast<unsigned>(std::max(1, CPU_COUNT(&set)));
+  return std::max(1u, std::thread::hardware_concurrency());
+}
+
+std::string processor_name() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.rfind("model name", 0) == 0)
+      if (const auto at = line.find(": "); at != std::string::npos) return line.substr(at + 2);
+  return "CPU";
+}
+
+// Operations follow each other within microseconds: a worker looks this often for the next one before it sleeps.
+constexpr int spins_before_sleep = 2000;
+
+}  // namespace
+
+ThreadPool::ThreadPool(unsigned threads) : processor_(processor_name()) {
+  const unsigned count = threads == 0 ? allowed_cores() : threads;
+  for (unsigned i = 1; i < count; ++i) workers_.emplace_back([this] { work(); });
+}
+
+ThreadPool::~ThreadPool() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+    ++generation_;
+  }
+  wake_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
+}
+
+void ThreadPool::drain(Job& job) {
+  for (;;) {
+    const std::size_t begin = job.next.fetch_add(job.grain, std::memory_order_relaxed);
+    if (begin >= job.count) return;
+    (*job.body)(begin, std::min(begin + job.grain, job.count));
+  }
+}
+
+void ThreadPool::parallel_for(std::size_t count, std::size_t grain,
+                              const std::function<void(std::size_t, std::size_t)>& body) {
+  if (count == 0) return;
+  if (workers_.empty() || count <= grain) {
+    for (std::size_t begin = 0; begin < count; begin += grain) body(begin, std::min(begin + grain, count));
+    return;
+  }
+  const std::lock_guard turn(callers_);
+  Job job{&body, count, grain, {}};
+  {
+    const std::lock_guard lock(mutex_);
+    job_ = &job;
+    busy_ = static_cast<unsigned>(workers_.size());
+    ++generation_;
+  }
+  wake_.notify_all();
+  drain(job);
+  std::unique_lock lock(mutex_);
+  done_.wait(lock, [&] { return busy_ == 0; });
+  job_ = nullptr;
+}
+
+void ThreadPool::work() {
+  unsigned seen = 0;
+  for (;;) {
+    for (int i = 0; i < spins_before_sleep && generation_.load(std::memory_order_acquire) == seen; ++i)
+      std::this_thread::yield();
+    Job* job = nullptr;
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait(lock, [&] { return generation_ != seen; });
+      seen = generation_;
+      if (stop_) return;
+      job = job_;
+    }
+    drain(*job);
+    const std::lock_guard lock(mutex_);
+    if (--busy_ == 0) done_.notify_one();
+  }
+}
+
+}  // namespace bitr::cpu

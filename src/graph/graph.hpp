@@ -1,0 +1,65 @@
+// The network as data: tensors, and the operations that make them, in the order they run.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "graph/batch_layout.hpp"
+#include "irreps/fiber.hpp"
+#include "ops/op.hpp"
+
+namespace bitr::graph {
+
+using TensorId = int;
+constexpr TensorId no_tensor = -1;
+
+enum class Kind : std::uint8_t { real, index };
+
+struct TensorInfo {
+  std::string name;  ///< the stage's name, e.g. "fe.g1" or "key.points"
+  Rows rows = Rows::point;
+  int per_row = 1;   ///< entries per row: k for tensors over edges
+  int width = 1;     ///< numbers per entry
+  Kind kind = Kind::real;
+  irreps::Fiber fiber;  ///< how the width splits into degrees; empty for plain columns
+};
+
+struct Node {
+  std::string name;
+  ops::Op op;
+  std::vector<TensorId> inputs;
+  std::vector<TensorId> outputs;
+};
+
+struct Graph {
+  std::vector<TensorInfo> tensors;
+  std::vector<Node> nodes;
+  // Filled by the caller before a run. Normals and colours only exist if the model reads them.
+  TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor;
+  // Read by the caller after it.
+  TensorId key_points = no_tensor, pose = no_tensor;
+
+  TensorId add(TensorInfo info) {
+    tensors.push_back(std::move(info));
+    return static_cast<TensorId>(tensors.size()) - 1;
+  }
+  TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1) {
+    return add({std::move(name), rows, per_row, fiber.size(), Kind::real, fiber});
+  }
+  void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs) {
+    nodes.push_back({std::move(name), std::move(op), std::move(inputs), std::move(outputs)});
+  }
+  /// no_tensor when there is none of that name.
+  TensorId find(const std::string& name) const {
+    for (std::size_t i = 0; i < tensors.size(); ++i)
+      if (tensors[i].name == name) return static_cast<TensorId>(i);
+    return no_tensor;
+  }
+};
+
+/// "" when every input of every node is a graph input or made by an earlier node, no tensor is made twice and no
+/// composite op is left; else the first fault.
+std::string check_executable(const Graph& graph);
+
+}  // namespace bitr::graph

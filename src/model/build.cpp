@@ -1,0 +1,204 @@
+#include "model/build.hpp"
+
+#include "model/architecture.hpp"
+
+namespace bitr::model {
+namespace {
+
+using graph::Graph;
+using graph::Rows;
+using graph::TensorId;
+using irreps::Degree;
+using irreps::Fiber;
+
+constexpr double layer_norm_eps = 1e-8;
+constexpr double graph_norm_eps = 1e-6;
+
+class Builder {
+ public:
+  Builder(const Weights& weights, Mode mode) : weights_(weights), exact_(mode == Mode::scale_exact) {}
+
+  Graph build() {
+    const ModelConfig& config = weights_.config;
+    const Architecture net = architecture(config);
+    graph_.positions = graph_.add({.name = "positions", .width = 3, .fiber = {}});
+    const TensorId index = knn("graph.index", graph_.positions, graph_.positions, Rows::point,
+                               {.k = config.k_neighbor, .dim = 3, .exclude_self = true});
+
+    TensorId feature = input_features(net.input);
+    for (std::size_t i = 0; i < net.extractor.size(); ++i) {
+      feature = layer(net.extractor[i], feature, index, graph_.positions, graph_.positions);
+      if (i < net.extractor_relu.size()) feature = relu(net.extractor_relu[i], feature, Rows::point);
+    }
+    choose_key_points(net, feature, index);
+    const TensorId near = knn("key.index", graph_.key_points, graph_.positions, Rows::key,
+                              {.k = config.key_mean_num, .dim = 3, .exclude_self = false});
+    const TensorId key_feature = layer(net.extract, feature, near, graph_.key_points, graph_.positions);
+
+    const ops::MergePairs merge{config.feature_num_channels};
+    const TensorId positions = graph_.add({.name = "bi.pos", .rows = Rows::pair_key, .width = 6, .fiber = {}});
+    TensorId pair_feature = graph_.add("merge", Rows::pair_key, merge.merged());
+    graph_.append("merge", merge, {graph_.key_points, key_feature}, {positions, pair_feature});
+    const TensorId pair_index = knn("bi.index", positions, positions, Rows::pair_key,
+                                    {.k = config.re_convert_k, .dim = 6, .exclude_self = true});
+    for (std::size_t i = 0; i < net.pair_network.size(); ++i) {
+      pair_feature = layer(net.pair_network[i], pair_feature, pair_index, positions, positions);
+      if (i < net.pair_relu.size()) pair_feature = relu(net.pair_relu[i], pair_feature, Rows::pair_key);
+    }
+    head(net.head, positions, pair_feature);
+    return std::move(graph_);
+  }
+
+ private:
+  const Eigen::MatrixXd& parameter(const std::string& name) const { return weights_.parameters.at(name); }
+
+  TensorId knn(const char* name, TensorId queries, TensorId references, Rows rows, ops::Knn op) {
+    const TensorId index = graph_.add(
+        {.name = name, .rows = rows, .per_row = op.k, .kind = graph::Kind::index, .fiber = {}});
+    graph_.append(name, op, {queries, references}, {index});
+    return index;
+  }
+
+  TensorId input_features(const ops::InputFeatures& op) {
+    std::vector<TensorId> inputs;
+    if (op.colors) inputs.push_back(graph_.colors = graph_.add({.name = "colors", .width = 3, .fiber = {}}));
+    if (op.normals) inputs.push_back(graph_.normals = graph_.add({.name = "normals", .width = 3, .fiber = {}}));
+    const TensorId feature = graph_.add("input", Rows::point, op.fiber());
+    graph_.append("input", op, inputs, {feature});
+    return feature;
+  }
+
+  std::shared_ptr<const ops::RadialNetwork> network(const std::string& prefix, int scale_degree) const {
+    ops::RadialNetwork net;
+    net.scale_degree = scale_degree;
+    net.eps = exact_ ? 0 : layer_norm_eps;
+    net.w1 = parameter(prefix + "net.0.weight");
+    net.w2 = parameter(prefix + "net.3.weight");
+    net.w3 = parameter(prefix + "net.6.weight");
+    if (scale_degree == 0) {
+      net.gain1 = parameter(prefix + "net.1.normalization.weight");
+      net.bias1 = parameter(prefix + "net.1.normalization.bias");
+      net.c2 = parameter(prefix + "net.3.bias");
+      net.gain2 = parameter(prefix + "net.4.normalization.weight");
+      net.bias2 = parameter(prefix + "net.4.normalization.bias");
+      net.c3 = parameter(prefix + "net.6.bias");
+    }
+    return std::make_shared<const ops::RadialNetwork>(std::move(net));
+  }
+
+  ops::Convolve convolution(const std::string& prefix, const Fiber& in, const Fiber& out, int sides,
+                            int scale_degree) const {
+    ops::Convolve op{.sides = sides, .fiber_in = in, .fiber_out = out, .blocks = {}};
+    std::map<std::string, std::shared_ptr<const ops::RadialNetwork>> networks;
+    for (const RadialSpec& spec : radial_specs(in, out, sides)) {
+      auto& shared = networks[spec.owner];
+      if (!shared) shared = network(prefix + "rp." + spec.owner + ".", scale_degree);
+      op.blocks.push_back(spec.block);
+      op.blocks.back().network = shared;
+    }
+    return op;
+  }
+
+  ops::DegreeMatrices matrices(const std::string& prefix, const Fiber& fiber) const {
+    ops::DegreeMatrices all;
+    for (const auto& [d, m] : fiber) all[d] = parameter(prefix + matrix_owner(fiber, d).str());
+    return all;
+  }
+
+  ops::Linear linear(const std::string& prefix, std::vector<Fiber> in, const Fiber& out, bool skip) const {
+    ops::Linear op{.fiber_in = std::move(in), .fiber_out = out, .weights = matrices(prefix, out), .skip = {}};
+    for (const auto& [d, m] : out) {
+      int total = 0;
+      for (const Fiber& fiber : op.fiber_in) total += fiber.channels(d);
+      if (skip && total == m) op.skip.insert(d);
+    }
+    return op;
+  }
+
+  TensorId layer(const LayerSpec& spec, TensorId feature, TensorId index, TensorId centres, TensorId neighbours) {
+    const std::string attention = spec.prefix + "GMAB.";
+    ops::AttentionLayer op{.sides = spec.sides, .scale_degree = spec.scale_degree, .heads = spec.heads,
+                           .zero_centre = spec.zero_centre, .fiber_in = spec.in, .fiber_out = spec.out,
+                           .value_fiber = spec.value_fiber(), .key_fiber = spec.key_fiber(),
+                           .values_keys = {}, .values = {}, .keys = {}, .query = {}, .project = {}};
+    if (spec.scale_degree == 0) {
+      op.values_keys = convolution(attention + "vk.", spec.in, irreps::concatenate(op.value_fiber, op.key_fiber),
+                                   spec.sides, 0);
+      op.project = linear(spec.prefix + "project.1.transform.", {op.value_fiber, spec.in}, spec.out, true);
+    } else {
+      op.values = convolution(attention + "v.", spec.in, op.value_fiber, spec.sides, 1);
+      op.keys = convolution(attention + "k.", spec.in, op.key_fiber, spec.sides, 0);
+      op.project = linear(spec.prefix + "project.0.transform.", {op.value_fiber}, spec.out, false);
+    }
+    op.query = linear(attention + "q.transform.", {spec.in}, op.key_fiber, true);
+    const Rows rows = graph_.tensors[index].rows;
+    const TensorId out = graph_.add(spec.output, rows, spec.out);
+    graph_.append(spec.stage, std::move(op), {feature, index, centres, neighbours}, {out});
+    return out;
+  }
+
+  TensorId relu(const ReluSpec& spec, TensorId feature, Rows rows) {
+    Fiber::Map turned;
+    for (const auto& [d, m] : spec.fiber)
+      if (d != Degree{0, 0}) turned[d] = m;
+    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", Fiber(std::move(turned)))};
+    const TensorId out = graph_.add(spec.stage, rows, spec.fiber);
+    graph_.append(spec.stage, std::move(op), {feature}, {out});
+    return out;
+  }
+
+  void choose_key_points(const Architecture& net, TensorId feature, TensorId index) {
+    const ModelConfig& config = weights_.config;
+    const TensorId pool = layer(net.pool, feature, index, graph_.positions, graph_.positions);
+    const TensorId prob = graph_.add({.name = "key.pool_prob", .fiber = {}});
+    graph_.append("key.pool_prob", ops::CloudSoftmax{1}, {pool}, {prob});
+    const TensorId means = graph_.add("key.pooled_feature", Rows::cloud, net.pool.in);
+    graph_.append("key.pooled_feature", ops::CloudSum{1, 0}, {prob, feature}, {means});
+    const TensorId globals = graph_.add(
+        {.name = "key.pooled_global0", .rows = Rows::cloud, .width = config.key_global_merge_coe, .fiber = {}});
+    graph_.append("key.pooled_global0", ops::CloudSum{1, 1}, {prob, pool}, {globals});
+
+    const TensorId extended = graph_.add("key.regress_in", Rows::point, net.regress.in);
+    graph_.append("key.regress_in", ops::ExtendFeatures{net.pool.in, config.key_global_merge_coe},
+                  {feature, means, globals}, {extended});
+    const TensorId logit = layer(net.regress, extended, index, graph_.positions, graph_.positions);
+    const TensorId weight = graph_.add({.name = "key.pos_weight", .width = config.num_key_points, .fiber = {}});
+    graph_.append("key.pos_weight", ops::CloudSoftmax{config.num_key_points}, {logit}, {weight});
+    graph_.key_points = graph_.add({.name = "key.points", .rows = Rows::key, .width = 3, .fiber = {}});
+    graph_.append("key.points", ops::CloudSum{config.num_key_points, 0}, {weight, graph_.positions},
+                  {graph_.key_points});
+  }
+
+  void head(const Fiber& fiber, TensorId positions, TensorId feature) {
+    const std::string prefix = "predict_head.", norm = prefix + "weight_logit_layer.0.normalization.";
+    ops::Head op;
+    op.fiber = fiber;
+    op.eps = exact_ ? 0 : graph_norm_eps;
+    op.norm_weight = parameter(norm + "weight");
+    op.norm_bias = parameter(norm + "bias");
+    op.mean_scale = parameter(norm + "mean_scale");
+    op.logit_weight = parameter(prefix + "weight_logit_layer.1.weight");
+    op.logit_bias = parameter(prefix + "weight_logit_layer.1.bias");
+    op.vector_mix = parameter(prefix + "linear_head.transform.(0, 1)");
+    op.matrix_mix = parameter(prefix + "linear_head.transform.(1, 1)");
+    const TensorId normed = graph_.add(
+        {.name = "head.gn_out", .rows = Rows::pair_key, .width = fiber.channels({0, 0}), .fiber = {}});
+    const TensorId logits = graph_.add({.name = "head.weight_logit", .rows = Rows::pair_key, .width = 3, .fiber = {}});
+    const TensorId weights = graph_.add({.name = "head.weights", .rows = Rows::pair_key, .width = 3, .fiber = {}});
+    const TensorId pieces =
+        graph_.add({.name = "head.pieces", .rows = Rows::pair, .width = ops::piece_count, .fiber = {}});
+    graph_.append("head", std::move(op), {positions, feature}, {normed, logits, weights, pieces});
+    graph_.pose = graph_.add({.name = "out.pose", .rows = Rows::pair, .width = ops::pose_width, .fiber = {}});
+    graph_.append("pose", ops::ProjectPose{}, {pieces}, {graph_.pose});
+  }
+
+  const Weights& weights_;
+  const bool exact_;
+  Graph graph_;
+};
+
+}  // namespace
+
+Graph build_graph(const Weights& weights, Mode mode) { return Builder(weights, mode).build(); }
+
+}  // namespace bitr::model

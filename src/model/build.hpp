@@ -1,0 +1,24 @@
+// The network of a model as a graph, layer by layer, and the two passes that make it executable.
+#pragma once
+
+#include "graph/graph.hpp"
+#include "model/weights.hpp"
+
+namespace bitr::model {
+
+/// The network with whole attention layers (ops/attention_layer.hpp) as single nodes. `mode` sets the norms' eps.
+graph::Graph build_graph(const Weights& weights, Mode mode);
+
+/// As defined: each attention layer becomes edge geometry, convolutions, linear maps and attention. Its tensors carry
+/// the stage names of the definition ("fe.g0.vk", "fe.g0.attn", …).
+graph::Graph expand(const graph::Graph& graph);
+
+/// Folded: the same function in far less arithmetic.
+///   one-sided layers (+ projected ReLU)   → point_attention; mean_direction when the input is one constant
+///   extended features + key regression    → cloud_coefficients + point_attention on the points' own features
+///   two-sided layers (+ projected ReLU)   → pair_attention
+///   softmax and sums over clouds          → softmax_sum
+/// Exact but for the one-sided LayerNorms' eps, which is dropped for edges of positive length.
+graph::Graph fold(const graph::Graph& graph);
+
+}  // namespace bitr::model

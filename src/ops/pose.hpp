@@ -1,0 +1,15 @@
+// pose: projects r̂ onto SO(3) and assembles the translation. Evaluated in double precision.
+//   r̂[reference, source] = rᵀ / max(|r|, 1e-5);  R = U Vᵀ of its SVD, last row of Vᵀ negated if det(U Vᵀ) ≤ 0
+//   t = m₂ + b − R m₁ − R a
+// in  pieces T[pairs, 21] (ops/head.hpp)
+// out T[pairs, 16]: R (9, row-major), t (3), singular values of r̂ (3, descending), det(U Vᵀ) before the flip (1)
+#pragma once
+
+namespace bitr::ops {
+
+constexpr double matrix_norm_floor = 1e-5;
+constexpr int pose_width = 16;
+
+struct ProjectPose {};
+
+}  // namespace bitr::ops
