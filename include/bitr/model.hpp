@@ -74,6 +74,10 @@ Result<Model> load_model(std::span<const std::byte> safetensors, const ModelOpti
 /// The same from a file; `io` when it cannot be read.
 Result<Model> load_model(const std::filesystem::path& path, const ModelOptions& options = {});
 
+/// Reads a PyTorch checkpoint (`torch.save`, zip format): a state dict, or a dict that holds one as
+/// "model_state_dict" or "state_dict". Nothing but tensors and plain containers is ever built from it.
+Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const ModelOptions& options = {});
+
 /// The official initialisation (Kaiming-uniform radial networks, randn/√fan-in linear maps) from a seed. By
 /// f(X,gX)∘f(X,X) = g it assembles complete copies without any training ("U-BITR" in the paper).
 Result<Model> untrained_model(const ModelConfig& config = {}, std::uint64_t seed = 0,

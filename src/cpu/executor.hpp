@@ -21,7 +21,7 @@ class Executor {
   /// After prepare(), before run(): where to write positions, normals, colours.
   /// After run(): where to read outputs, and with `retain` any tensor.
   template <class U = T>
-  U* data(graph::TensorId id) {
+  U* data(graph::TensorId id) const {
     return slots_[id].template as<U>();
   }
   void run(ThreadPool& pool);

@@ -1,0 +1,66 @@
+#include <bitr/io.hpp>
+#include <bitr/model.hpp>
+
+#include "io/safetensors.hpp"
+#include "io/torch_checkpoint.hpp"
+#include "model/load.hpp"
+#include "model/parameters.hpp"
+
+namespace bitr {
+namespace {
+
+Result<Model> make_model(const Result<TensorMap>& map, const ModelOptions& options) {
+  if (!map) return tl::unexpected(map.error());
+  auto weights = model::weights_from_tensors(*map, options);
+  if (!weights) return tl::unexpected(weights.error());
+  return Model(std::make_shared<const model::Weights>(std::move(*weights)));
+}
+
+// A file's model is called by the file's stem; errors name the whole path.
+template <class Parse>
+Result<Model> read_model(const std::filesystem::path& path, const ModelOptions& options, Parse parse) {
+  const auto bytes = io::read_file(path);
+  if (!bytes) return tl::unexpected(bytes.error());
+  const auto map = parse(*bytes, path.string());
+  if (!map) return tl::unexpected(map.error());
+  auto weights = model::weights_from_tensors(*map, {.name = path.string(), .mode = options.mode});
+  if (!weights) return tl::unexpected(weights.error());
+  weights->name = path.stem().string();
+  return Model(std::make_shared<const model::Weights>(std::move(*weights)));
+}
+
+}  // namespace
+
+const ModelConfig& Model::config() const { return weights_->config; }
+Mode Model::mode() const { return weights_->mode; }
+const std::string& Model::name() const { return weights_->name; }
+bool Model::trained() const { return weights_->trained; }
+std::size_t Model::tensor_count() const { return weights_->parameters.size(); }
+std::size_t Model::parameter_count() const {
+  std::size_t total = 0;
+  for (const auto& [name, matrix] : weights_->parameters) total += static_cast<std::size_t>(matrix.size());
+  return total;
+}
+
+Result<Model> load_model(std::span<const std::byte> safetensors, const ModelOptions& options) {
+  return make_model(io::parse_safetensors(safetensors, options.name), options);
+}
+
+Result<Model> load_model(const std::filesystem::path& path, const ModelOptions& options) {
+  return read_model(path, options, io::parse_safetensors);
+}
+
+Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const ModelOptions& options) {
+  return read_model(path, options, io::parse_torch_checkpoint);
+}
+
+Result<Model> untrained_model(const ModelConfig& config, std::uint64_t seed, Mode mode) {
+  if (auto ok = validate(config); !ok) return tl::unexpected(ok.error());
+  return Model(std::make_shared<const model::Weights>(model::initial_weights(config, seed, mode)));
+}
+
+std::vector<std::byte> serialize(const Model& model) {
+  return io::serialize_safetensors(model::tensors_from_weights(model.weights()));
+}
+
+}  // namespace bitr

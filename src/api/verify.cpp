@@ -1,0 +1,68 @@
+#include <algorithm>
+#include <cmath>
+
+#include "api/plan.hpp"
+
+namespace bitr {
+namespace {
+
+// Float against double, and double folded against double as defined.
+constexpr double stage_bound_f32 = 5e-3, stage_bound_f64 = 1e-8;
+constexpr double rotation_bound_f32 = 3.5e-4;  // 0.02°
+constexpr double translation_bound_f32 = 5e-4;
+
+StageDifference compare(std::string stage, const std::vector<double>& a, const std::vector<double>& truth,
+                        double bound) {
+  double worst = 0, largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double difference = std::abs(a[i] - truth[i]);
+    worst = std::isnan(difference) ? difference : std::max(worst, difference);
+    largest = std::max(largest, std::abs(truth[i]));
+    if (std::isnan(worst)) break;
+  }
+  return {std::move(stage), largest > 0 ? worst / largest : worst, bound};
+}
+
+}  // namespace
+
+Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
+  Plan::Impl& impl = plan.impl();
+  const auto batch = pack(impl, {&pair, 1});
+  if (!batch) return tl::unexpected(batch.error());
+  const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
+  const auto tested = make_runner(impl.model, impl.mode, impl.options, true);
+  const auto truth = make_runner(impl.model, impl.mode, truth_options, true);
+  tested->run(*batch, impl.device.pool());
+  truth->run(*batch, impl.device.pool());
+
+  const bool single = impl.options.precision == Precision::f32;
+  std::vector<StageDifference> differences;
+  const auto& tensors = tested->graph().tensors;
+  for (std::size_t i = 0; i < tensors.size(); ++i) {
+    const auto id = static_cast<graph::TensorId>(i);
+    const graph::TensorId other = truth->graph().find(tensors[i].name);
+    if (other == graph::no_tensor || id == tested->graph().pose || id == tested->graph().positions) continue;
+    if (tensors[i].kind == graph::Kind::index) {
+      // Neighbours: the share of the list that differs.
+      const auto a = tested->indices(id), b = truth->indices(other);
+      std::size_t wrong = 0;
+      for (std::size_t e = 0; e < a.size(); ++e) wrong += a[e] != b[e];
+      differences.push_back({tensors[i].name, static_cast<double>(wrong) / static_cast<double>(a.size()),
+                             single ? 1e-2 : 0});
+    } else {
+      differences.push_back(compare(tensors[i].name, tested->tensor(id), truth->tensor(other),
+                                    single ? stage_bound_f32 : stage_bound_f64));
+    }
+  }
+  const auto pose = tested->tensor(tested->graph().pose), expected = truth->tensor(truth->graph().pose);
+  const auto part = [](const std::vector<double>& row, int from, int to) {
+    return std::vector<double>(row.begin() + from, row.begin() + to);
+  };
+  differences.push_back(compare("out.R", part(pose, 0, 9), part(expected, 0, 9),
+                                single ? rotation_bound_f32 : stage_bound_f64));
+  differences.push_back(compare("out.t", part(pose, 9, 12), part(expected, 9, 12),
+                                single ? translation_bound_f32 : stage_bound_f64));
+  return differences;
+}
+
+}  // namespace bitr

@@ -1,0 +1,74 @@
+#include "cpu/sector_table.hpp"
+
+#include <cmath>
+
+namespace bitr::cpu {
+
+template <class T>
+Sectors<T>::Sectors(const ops::SectorTable& table)
+    : scale_degree_(table.scale_degree), size_(table.size), swapped_(table.swapped), begin_(table.begin),
+      eps_(static_cast<T>(table.network->eps)), trusted_(static_cast<T>(1e4 * table.network->eps)),
+      network_(*table.network), basis_((table.scale * table.basis).cast<T>()) {
+  const int columns = scale_degree_ == 1 ? 2 : 3;
+  for (const auto& ray : table.rays) {
+    ray_cos_.push_back(static_cast<T>(ray[0]));
+    ray_sin_.push_back(static_cast<T>(ray[1]));
+  }
+  slopes_.resize(size_, columns * static_cast<Eigen::Index>(table.sectors()));
+  offsets_.resize(size_, static_cast<Eigen::Index>(table.offset.size()));
+  for (std::size_t s = 0; s < table.sectors(); ++s) {
+    slopes_.middleCols(columns * s, columns) = table.slope[s].array().cast<T>();
+    if (scale_degree_ == 1) continue;
+    offsets_.col(s) = table.offset[s].array().cast<T>();
+    std::array<T, 6> form;
+    for (int i = 0; i < 6; ++i) form[i] = static_cast<T>(table.Q[s][i]);
+    Q_.push_back(form);
+  }
+  for (int i = 0; i < 3; ++i) q_[i] = static_cast<T>(table.q[i]);
+}
+
+template <class T>
+std::size_t Sectors<T>::find(T r1, T r2) const {
+  std::size_t sector = 0;
+  for (std::size_t i = 0; i < ray_cos_.size(); ++i) sector += r2 * ray_cos_[i] > r1 * ray_sin_[i];
+  return sector;
+}
+
+template <class T>
+void Sectors<T>::add(T r1, T r2, T* coefficients) const {
+  if (swapped_) std::swap(r1, r2);
+  Eigen::Map<Column> to(coefficients + begin_, size_);
+  if (scale_degree_ == 1) {
+    const std::size_t s = find(r1, r2);
+    to += r1 * slopes_.col(2 * s) + r2 * slopes_.col(2 * s + 1);
+    return;
+  }
+  const T variance = q_[0] * r1 * r1 + q_[1] * r1 * r2 + q_[2] * r2 * r2;
+  if (!(variance > trusted_)) return add_network(r1, r2, to.data());
+  const std::size_t s = find(r1, r2);
+  const T scale = 1 / std::sqrt(variance + eps_);
+  const T x = r1 * scale, y = r2 * scale;
+  const auto& Q = Q_[s];
+  const T second = Q[0] * x * x + Q[1] * x * y + Q[2] * y * y + Q[3] * x + Q[4] * y + Q[5];
+  if (!(second > trusted_)) return add_network(r1, r2, to.data());
+  const T v = 1 / std::sqrt(second + eps_);
+  to += (x * v) * slopes_.col(3 * s) + (y * v) * slopes_.col(3 * s + 1) + v * slopes_.col(3 * s + 2) +
+        offsets_.col(s);
+}
+
+template <class T>
+void Sectors<T>::add_network(T r1, T r2, T* to) const {
+  typename Radial<T>::Matrix lengths(2, 1);
+  lengths << r1, r2;
+  const typename Radial<T>::Matrix raw = network_.evaluate(lengths);
+  const auto freq = basis_.cols();
+  const Eigen::Index channels = size_ / freq;
+  for (Eigen::Index target = 0; target < freq; ++target)
+    for (Eigen::Index c = 0; c < channels; ++c)
+      for (Eigen::Index f = 0; f < freq; ++f) to[target * channels + c] += basis_(target, f) * raw(c * freq + f);
+}
+
+template class Sectors<float>;
+template class Sectors<double>;
+
+}  // namespace bitr::cpu

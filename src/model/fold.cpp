@@ -1,0 +1,157 @@
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "model/build.hpp"
+#include "model/fold_layers.hpp"
+
+namespace bitr::model {
+namespace {
+
+using graph::Graph;
+using graph::Node;
+using graph::Rows;
+using graph::TensorId;
+
+class Folder {
+ public:
+  explicit Folder(const Graph& source) : source_(source), graph_(source) {
+    graph_.nodes.clear();
+    for (std::size_t i = 0; i < source.nodes.size(); ++i) {
+      for (TensorId id : source.nodes[i].outputs) producer_[id] = i;
+      for (TensorId id : source.nodes[i].inputs) consumers_[id].push_back(i);
+    }
+  }
+
+  Graph fold() {
+    for (std::size_t i = 0; i < source_.nodes.size(); ++i) {
+      const Node& node = source_.nodes[i];
+      if (merged_.count(i)) continue;
+      if (const auto* layer = std::get_if<ops::AttentionLayer>(&node.op))
+        fold_layer(*layer, node);
+      else if (const auto* sum = std::get_if<ops::CloudSum>(&node.op))
+        fold_sum(*sum, i);
+      else
+        graph_.nodes.push_back(node);
+    }
+    remove_unused_nodes();
+    remove_unused_tensors();
+    return std::move(graph_);
+  }
+
+ private:
+  template <class Op>
+  const Node* made_by(TensorId id) const {
+    const auto it = producer_.find(id);
+    if (it == producer_.end()) return nullptr;
+    const Node& node = source_.nodes[it->second];
+    return std::holds_alternative<Op>(node.op) ? &node : nullptr;
+  }
+
+  // The projected ReLU that alone reads this tensor, if there is one; it is then part of the layer.
+  const ops::ProjectedRelu* take_relu(TensorId& output) {
+    const auto& readers = consumers_[output];
+    if (readers.size() != 1) return nullptr;
+    const Node& next = source_.nodes[readers.front()];
+    const auto* relu = std::get_if<ops::ProjectedRelu>(&next.op);
+    if (!relu) return nullptr;
+    merged_.insert(readers.front());
+    output = next.outputs.front();
+    return relu;
+  }
+
+  void fold_layer(const ops::AttentionLayer& layer, const Node& node) {
+    TensorId output = node.outputs.front();
+    const ops::ProjectedRelu* relu = take_relu(output);
+    const TensorId feature = node.inputs[0], index = node.inputs[1], centres = node.inputs[2],
+                   neighbours = node.inputs[3];
+    const std::string& name = graph_.tensors[output].name;
+    if (layer.sides == 2) {
+      graph_.append(name, pair_attention(layer, relu), {feature, index, centres}, {output});
+      return;
+    }
+    const ops::PointAttention folded = point_attention(layer, relu);
+    if (const Node* input = made_by<ops::InputFeatures>(feature); input && input->inputs.empty()) {
+      graph_.append(name, mean_direction(folded, ops::constant_feature), {centres, index}, {output});
+    } else if (const Node* extend = made_by<ops::ExtendFeatures>(feature); extend && !relu) {
+      const auto op = cloud_coefficients(folded, std::get<ops::ExtendFeatures>(extend->op));
+      const TensorId coefficients =
+          graph_.add({.name = name + ".coefficients", .rows = Rows::cloud, .width = op.layer.coefficient_count(),
+                      .kind = graph::Kind::real, .fiber = {}});
+      graph_.append(name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients});
+      graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbours, coefficients}, {output});
+    } else {
+      graph_.append(name, folded, {feature, index, centres, neighbours}, {output});
+    }
+  }
+
+  // Every sum with the same softmax becomes one operation, at the place of the last of them.
+  void fold_sum(const ops::CloudSum& sum, std::size_t i) {
+    const Node& node = source_.nodes[i];
+    const Node* softmax = made_by<ops::CloudSoftmax>(node.inputs[0]);
+    if (!softmax) {
+      graph_.nodes.push_back(node);
+      return;
+    }
+    const auto& readers = consumers_[node.inputs[0]];
+    if (readers.back() != i) return;
+    Node folded{softmax->name, {}, {softmax->inputs[0]}, {}};
+    ops::SoftmaxSum op{sum.channels, {}};
+    for (std::size_t reader : readers) {
+      const Node& part = source_.nodes[reader];
+      op.skip.push_back(std::get<ops::CloudSum>(part.op).skip);
+      folded.inputs.push_back(part.inputs[1]);
+      folded.outputs.push_back(part.outputs[0]);
+    }
+    folded.op = op;
+    graph_.nodes.push_back(std::move(folded));
+  }
+
+  void remove_unused_nodes() {
+    std::set<TensorId> needed = {graph_.key_points, graph_.pose};
+    std::vector<Node> kept;
+    for (auto node = graph_.nodes.rbegin(); node != graph_.nodes.rend(); ++node) {
+      if (std::none_of(node->outputs.begin(), node->outputs.end(), [&](TensorId id) { return needed.count(id); }))
+        continue;
+      needed.insert(node->inputs.begin(), node->inputs.end());
+      kept.push_back(std::move(*node));
+    }
+    std::reverse(kept.begin(), kept.end());
+    graph_.nodes = std::move(kept);
+  }
+
+  void remove_unused_tensors() {
+    std::set<TensorId> used = {graph_.positions};
+    for (TensorId id : {graph_.normals, graph_.colors})
+      if (id != graph::no_tensor) used.insert(id);
+    for (const Node& node : graph_.nodes) {
+      used.insert(node.inputs.begin(), node.inputs.end());
+      used.insert(node.outputs.begin(), node.outputs.end());
+    }
+    std::map<TensorId, TensorId> renumbered = {{graph::no_tensor, graph::no_tensor}};
+    std::vector<graph::TensorInfo> tensors;
+    for (TensorId id : used) {
+      renumbered[id] = static_cast<TensorId>(tensors.size());
+      tensors.push_back(graph_.tensors[id]);
+    }
+    graph_.tensors = std::move(tensors);
+    for (Node& node : graph_.nodes) {
+      for (TensorId& id : node.inputs) id = renumbered[id];
+      for (TensorId& id : node.outputs) id = renumbered[id];
+    }
+    for (TensorId* id : {&graph_.positions, &graph_.normals, &graph_.colors, &graph_.key_points, &graph_.pose})
+      *id = renumbered[*id];
+  }
+
+  const Graph& source_;
+  Graph graph_;
+  std::map<TensorId, std::size_t> producer_;
+  std::map<TensorId, std::vector<std::size_t>> consumers_;
+  std::set<std::size_t> merged_;
+};
+
+}  // namespace
+
+Graph fold(const Graph& graph) { return Folder(graph).fold(); }
+
+}  // namespace bitr::model

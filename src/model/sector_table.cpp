@@ -1,0 +1,217 @@
+// Builds ops::SectorTable: where along the quadrant's rays each LeakyReLU of a radial network changes sign, and the
+// linear map between two such rays.
+#include "ops/sector_table.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "model/fold_layers.hpp"
+
+namespace bitr::model {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using Poly = std::vector<double>;  // ascending powers of t = tan θ
+
+constexpr double quarter_turn = std::numbers::pi / 2;
+
+Poly operator*(const Poly& a, const Poly& b) {
+  Poly product(a.size() + b.size() - 1, 0);
+  for (std::size_t i = 0; i < a.size(); ++i)
+    for (std::size_t j = 0; j < b.size(); ++j) product[i + j] += a[i] * b[j];
+  return product;
+}
+
+Poly operator-(Poly a, const Poly& b) {
+  a.resize(std::max(a.size(), b.size()), 0);
+  for (std::size_t i = 0; i < b.size(); ++i) a[i] -= b[i];
+  return a;
+}
+
+// A quadratic form on (1, t).
+Poly form(const Matrix2d& m) { return {m(0, 0), m(0, 1) + m(1, 0), m(1, 1)}; }
+
+// Angles in (low, high) near real roots. A root too many only splits a sector in two equal halves, so nearly real
+// ones are taken as well.
+void add_roots(Poly p, double low, double high, std::vector<double>& angles) {
+  double largest = 0;
+  for (double c : p) largest = std::max(largest, std::abs(c));
+  if (largest == 0) return;
+  while (p.size() > 1 && std::abs(p.back()) <= 1e-14 * largest) p.pop_back();
+  const auto degree = static_cast<Eigen::Index>(p.size()) - 1;
+  if (degree < 1) return;
+  MatrixXd companion = MatrixXd::Zero(degree, degree);
+  companion.diagonal(-1).setOnes();
+  for (Eigen::Index i = 0; i < degree; ++i) companion(i, degree - 1) = -p[i] / p[degree];
+  for (const auto& root : companion.eigenvalues()) {
+    if (std::abs(root.imag()) > 1e-4 * (1 + std::abs(root.real()))) continue;
+    const double angle = std::atan(root.real());
+    if (angle > low && angle < high) angles.push_back(angle);
+  }
+}
+
+// Sorted, with the ends of the interval.
+std::vector<double> with_ends(std::vector<double> angles, double low, double high) {
+  angles.push_back(low);
+  angles.push_back(high);
+  std::sort(angles.begin(), angles.end());
+  return angles;
+}
+
+Vector2d ray(double angle) { return {std::cos(angle), std::sin(angle)}; }
+
+ArrayXd slopes(const VectorXd& x) {
+  return (x.array() > 0).select(ArrayXd::Ones(x.size()), ArrayXd::Constant(x.size(), ops::leaky_slope));
+}
+
+// One sector's map, before the change of basis: R = slope · (…) + offset.
+struct Sector {
+  double end;        // angle
+  ArrayXd pattern;   // slopes of both layers
+  MatrixXd slope;    // n × 2 or n × 3
+  VectorXd offset;   // n, or empty
+  Matrix3d Q;
+};
+
+class Divider {
+ public:
+  explicit Divider(const ops::RadialNetwork& network) : net_(network) {}
+
+  // Scale degree 1: h₁ = W₁ρ, h₂ = W₂D₁h₁, R = W₃D₂h₂.
+  void divide_linear() {
+    std::vector<double> first;
+    for (Eigen::Index j = 0; j < net_.w1.rows(); ++j) add_roots({net_.w1(j, 0), net_.w1(j, 1)}, 0, quarter_turn, first);
+    first = with_ends(std::move(first), 0, quarter_turn);
+    for (std::size_t s = 0; s + 1 < first.size(); ++s) {
+      const ArrayXd d1 = slopes(net_.w1 * ray((first[s] + first[s + 1]) / 2));
+      const MatrixXd second = net_.w2 * d1.matrix().asDiagonal() * net_.w1;
+      std::vector<double> inner;
+      for (Eigen::Index j = 0; j < second.rows(); ++j)
+        add_roots({second(j, 0), second(j, 1)}, first[s], first[s + 1], inner);
+      inner = with_ends(std::move(inner), first[s], first[s + 1]);
+      for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
+        const ArrayXd d2 = slopes(second * ray((inner[i] + inner[i + 1]) / 2));
+        append({inner[i + 1], joined(d1, d2), net_.w3 * d2.matrix().asDiagonal() * second, {}, Matrix3d::Zero()});
+      }
+    }
+  }
+
+  // Scale degree 0: (x, y) = ρ/√q(ρ), p = (x, y, 1), h₁ = G₁W₁(x, y) + b₁, h₂ = G₂A p/√Q(p) + b₂.
+  void divide_normalised() {
+    const MatrixXd w = net_.w1.rowwise() - net_.w1.colwise().mean();
+    q = w.transpose() * w / static_cast<double>(w.rows());
+    const MatrixXd first_map = net_.gain1.asDiagonal() * w;
+    std::vector<double> first;
+    for (Eigen::Index j = 0; j < w.rows(); ++j) {
+      // g·(x, y) = −b means (g·u)² = b² q(u).
+      const Vector2d g = first_map.row(j).transpose();
+      add_roots(form(g * g.transpose() - net_.bias1[j] * net_.bias1[j] * q), 0, quarter_turn, first);
+    }
+    first = with_ends(std::move(first), 0, quarter_turn);
+    for (std::size_t s = 0; s + 1 < first.size(); ++s) {
+      const Vector3d p = normalised((first[s] + first[s + 1]) / 2);
+      const ArrayXd d1 = slopes(first_map * p.head<2>() + net_.bias1);
+      MatrixXd affine(w.rows(), 3);
+      affine << net_.w2 * d1.matrix().asDiagonal() * first_map,
+          net_.w2 * (d1 * net_.bias1.array()).matrix() + net_.c2;
+      affine = (affine.rowwise() - affine.colwise().mean()).eval();
+      divide_second(affine, d1, first[s], first[s + 1]);
+    }
+  }
+
+  Matrix2d q = Matrix2d::Zero();
+  std::vector<Sector> sectors;
+
+ private:
+  Vector3d normalised(double angle) const {
+    const Vector2d u = ray(angle);
+    const double variance = u.dot(q * u);
+    return {u[0] / std::sqrt(variance), u[1] / std::sqrt(variance), 1};
+  }
+
+  void divide_second(const MatrixXd& affine, const ArrayXd& d1, double low, double high) {
+    const Matrix3d Q = affine.transpose() * affine / static_cast<double>(affine.rows());
+    std::vector<double> inner;
+    for (Eigen::Index j = 0; j < affine.rows(); ++j) {
+      // g·p = −b√Q(p) means S(p) = (g·p)² − b²Q(p) = 0; with p ∝ (u, √q(u)), S = α(u) + β(u)√q(u).
+      const Vector3d g = net_.gain2[j] * affine.row(j).transpose();
+      const Matrix3d S = g * g.transpose() - net_.bias2[j] * net_.bias2[j] * Q;
+      const Poly alpha = form(S.topLeftCorner<2, 2>() + S(2, 2) * q), beta = {2 * S(0, 2), 2 * S(1, 2)};
+      add_roots(alpha * alpha - beta * beta * form(q), low, high, inner);
+    }
+    inner = with_ends(std::move(inner), low, high);
+    for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
+      const Vector3d p = normalised((inner[i] + inner[i + 1]) / 2);
+      const VectorXd h = net_.gain2.asDiagonal() * affine * p / std::sqrt(p.dot(Q * p)) + net_.bias2;
+      const ArrayXd d2 = slopes(h);
+      append({inner[i + 1], joined(d1, d2), net_.w3 * (d2 * net_.gain2.array()).matrix().asDiagonal() * affine,
+              net_.w3 * (d2 * net_.bias2.array()).matrix() + net_.c3, Q});
+    }
+  }
+
+  static ArrayXd joined(const ArrayXd& a, const ArrayXd& b) {
+    ArrayXd both(a.size() + b.size());
+    both << a, b;
+    return both;
+  }
+
+  void append(Sector sector) {
+    if (!sectors.empty() && (sectors.back().pattern == sector.pattern).all())
+      sectors.back().end = sector.end;
+    else
+      sectors.push_back(std::move(sector));
+  }
+
+  const ops::RadialNetwork& net_;
+};
+
+// Rows (c_out, c_in, freq) of the network to (freq', c_out, c_in) of the coefficients.
+MatrixXd reorder(const MatrixXd& rows, const MatrixXd& basis, int channels, double scale) {
+  const auto freq = basis.cols();
+  MatrixXd out = MatrixXd::Zero(rows.rows(), rows.cols());
+  for (Eigen::Index target = 0; target < freq; ++target)
+    for (Eigen::Index c = 0; c < channels; ++c)
+      for (Eigen::Index f = 0; f < freq; ++f)
+        out.row(target * channels + c) += scale * basis(target, f) * rows.row(c * freq + f);
+  return out;
+}
+
+}  // namespace
+
+ops::SectorTable sector_table(const std::shared_ptr<const ops::RadialNetwork>& network, const MatrixXd& basis,
+                              int in_channels, int out_channels, double scale) {
+  ops::SectorTable table;
+  table.scale_degree = network->scale_degree;
+  table.network = network;
+  table.basis = basis;
+  table.scale = scale;
+  const int channels = in_channels * out_channels;
+  table.size = static_cast<int>(basis.rows()) * channels;
+
+  Divider divider(*network);
+  if (network->scale_degree == 1)
+    divider.divide_linear();
+  else
+    divider.divide_normalised();
+  table.q = {divider.q(0, 0), 2 * divider.q(0, 1), divider.q(1, 1)};
+  for (const Sector& sector : divider.sectors) {
+    table.slope.push_back(reorder(sector.slope, basis, channels, scale));
+    if (network->scale_degree == 0) {
+      table.offset.push_back(reorder(sector.offset, basis, channels, scale));
+      const Matrix3d& Q = sector.Q;
+      table.Q.push_back({Q(0, 0), 2 * Q(0, 1), Q(1, 1), 2 * Q(0, 2), 2 * Q(1, 2), Q(2, 2)});
+    }
+    if (&sector != &divider.sectors.back()) table.rays.push_back({std::cos(sector.end), std::sin(sector.end)});
+  }
+  return table;
+}
+
+}  // namespace bitr::model
