@@ -18,11 +18,23 @@ Vec3d cross(const Vec3d& a, const Vec3d& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-double length(const Vec3d& a) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+struct Direction {
+  double length;
+  Vec3d unit;
+};
+
+// Scaled before squaring: a sliver's area may be too small to square.
+Direction direction(const Vec3d& a) {
+  const double largest = std::max({std::abs(a[0]), std::abs(a[1]), std::abs(a[2])});
+  if (!(largest > 0)) return {0, {}};
+  const double x = a[0] / largest, y = a[1] / largest, z = a[2] / largest;
+  const double scaled = std::sqrt(x * x + y * y + z * z);
+  return {scaled * largest, {x / scaled, y / scaled, z / scaled}};
+}
 
 struct Triangle {
-  Vec3d corner, side_b,
-      side_c;  ///< sides in units of the mesh's extent, so that no product over- or underflows
+  Vec3d corner;
+  Vec3d side_b, side_c;  ///< in units of the mesh's extent, so that no product overflows
 };
 
 double extent(const Mesh& mesh) {
@@ -70,7 +82,7 @@ Result<PointCloud> sample(const Mesh& mesh, std::size_t count, std::uint64_t see
   std::vector<double> area_up_to(mesh.triangles.size());
   double area = 0;
   for (std::size_t i = 0; i < mesh.triangles.size() && unit > 0 && std::isfinite(unit); ++i) {
-    area_up_to[i] = area += length(area_vector(triangle_of(mesh, i, unit)));
+    area_up_to[i] = area += direction(area_vector(triangle_of(mesh, i, unit))).length;
   }
   if (!(area > 0) || !std::isfinite(area)) {
     return fail(ErrorCode::invalid_argument,
@@ -84,20 +96,19 @@ Result<PointCloud> sample(const Mesh& mesh, std::size_t count, std::uint64_t see
   cloud.positions.reserve(count);
   cloud.normals.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const double pick = random.uniform() * area, across = std::sqrt(random.uniform()),
-                 along = random.uniform();
+    const double pick = random.uniform() * area;
+    const double across = std::sqrt(random.uniform()), along = random.uniform();
     auto found = std::upper_bound(area_up_to.begin(), area_up_to.end(), pick);
     if (found == area_up_to.end()) found = std::lower_bound(area_up_to.begin(), area_up_to.end(), area);
     const Triangle triangle = triangle_of(mesh, static_cast<std::size_t>(found - area_up_to.begin()), unit);
     const double b = across * (1 - along) * unit, c = across * along * unit;
     Vec3d point;
-    const Vec3d normal = area_vector(triangle);
+    const Vec3d normal = direction(area_vector(triangle)).unit;
     for (int k = 0; k < 3; ++k)
       point[k] = triangle.corner[k] + b * triangle.side_b[k] + c * triangle.side_c[k];
-    const double norm = length(normal);
     cloud.positions.push_back(point);
-    cloud.normals.push_back({static_cast<float>(normal[0] / norm), static_cast<float>(normal[1] / norm),
-                             static_cast<float>(normal[2] / norm)});
+    cloud.normals.push_back(
+        {static_cast<float>(normal[0]), static_cast<float>(normal[1]), static_cast<float>(normal[2])});
   }
   return cloud;
 }
@@ -119,8 +130,7 @@ PointCloud subsample(const PointCloud& cloud, std::size_t count, std::uint64_t s
   out.positions.reserve(count);
   if (normals) out.normals.reserve(count);
   if (colors) out.colors.reserve(count);
-  // Selection sampling: each point is taken with the chance that makes every subset of `count` equally
-  // likely.
+  // Selection sampling: a point's chance is what makes every subset of `count` points equally likely.
   Random random(seed);
   for (std::size_t i = 0; out.size() < count; ++i) {
     if (random.below(cloud.size() - i) >= count - out.size()) continue;

@@ -47,7 +47,7 @@ inline Result<Geometry> fuzz_geometry(const std::uint8_t* data, std::size_t size
   } else {
     const Error& error = geometry.error();
     require(error.code == ErrorCode::bad_file || error.code == ErrorCode::unsupported);
-    require(error.message.starts_with("fuzz.dat: ") && error.message.size() < 800);
+    require(error.message.starts_with("fuzz.dat: ") && error.message.size() < 1200);
     for (const char c : error.message) require(static_cast<unsigned char>(c) >= 0x20);
   }
   return geometry;

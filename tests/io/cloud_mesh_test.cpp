@@ -167,6 +167,17 @@ TEST(SampleMesh, TakesMeshesOfAnySize) {
   }
 }
 
+TEST(SampleMesh, KeepsTheNormalsOfSliversUnit) {
+  Mesh mesh;
+  for (const double far : {1e161, 1e300}) {
+    mesh.vertices = {{2, 0, -3}, {1, 0.5, -3}, {2, far, -3}};
+    mesh.triangles = {{0, 1, 2}};
+    const auto cloud = sample_mesh(mesh, 10, 1);
+    ASSERT_TRUE(cloud) << far << message(cloud);
+    for (const Vec3f& normal : cloud->normals) EXPECT_EQ(normal, (Vec3f{0, 0, -1}));
+  }
+}
+
 TEST(SampleMesh, RefusesWhatHasNoArea) {
   Mesh mesh = two_squares();
   EXPECT_EQ(sample_mesh(mesh, 0, 1).error().code, ErrorCode::invalid_argument);
