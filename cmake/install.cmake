@@ -13,4 +13,5 @@ configure_package_config_file(cmake/bitrConfig.cmake.in ${CMAKE_CURRENT_BINARY_D
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/bitrConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/bitrConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/bitrConfigVersion.cmake
+              cmake/FindLZF.cmake cmake/FindLibZip.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/bitr)
