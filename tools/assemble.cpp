@@ -1,0 +1,180 @@
+// bitr assemble: one pair of clouds, its pose.
+#include <bitr/assemble.hpp>
+#include <bitr/io.hpp>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+
+#include "assembly_report.hpp"
+#include "command.hpp"
+#include "joined_cloud.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace bitr::tool {
+namespace {
+
+struct Options {
+  std::string source, reference, output, json, model;
+  bool complete_match = false, strict = false, verify = false;
+  std::optional<std::uint64_t> points;
+  std::uint64_t seed = 0, model_seed = 0;
+  RunOptions run;
+};
+
+class Stopwatch {
+ public:
+  double milliseconds() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+struct Input {
+  PointCloud cloud;  ///< as read; a mesh is sampled
+  PointCloud used;   ///< what the network sees
+};
+
+Result<Input> read_input(const std::string& path, const Options& options) {
+  io::ReadOptions read;
+  read.seed = options.seed;
+  if (options.points) read.mesh_points = *options.points;
+  auto cloud = io::read_cloud(path, read);
+  if (!cloud) return tl::unexpected(cloud.error());
+  Input input;
+  input.used = options.points ? io::subsample(*cloud, *options.points, options.seed) : *cloud;
+  input.cloud = std::move(*cloud);
+  return input;
+}
+
+Result<Model> choose_model(Options& options) {
+  if (!options.model.empty()) return load_model(std::filesystem::path(options.model));
+  if (!options.complete_match)
+    warn(
+        "no trained model ships with this version: falling back to complete matching with untrained weights, "
+        "which is exact when the reference is a moved copy of the source; give --model FILE for anything "
+        "else");
+  options.complete_match = true;
+  return untrained_model({}, options.model_seed);
+}
+
+Result<void> check_outputs(const Options& options) {
+  const std::vector<std::string> inputs = {options.source, options.reference, options.model};
+  if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
+  if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
+  if (!options.output.empty() && options.output == options.json)
+    return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
+  if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
+  return {};
+}
+
+Result<void> write_outputs(const Options& options, const Input& source, const Input& reference,
+                           const AssemblyReport& report) {
+  if (!options.output.empty()) {
+    const PointCloud joined = joined_cloud(source.cloud, reference.cloud, report.assembly.T_reference_source);
+    if (auto written = io::write_ply(options.output, joined); !written) return written;
+  }
+  if (options.json.empty()) return {};
+  auto written = write_json(options.json, to_json(report));
+  std::error_code ignored;
+  if (!written && !options.output.empty()) std::filesystem::remove(options.output, ignored);
+  return written;
+}
+
+int run(Options& options) {
+  if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+
+  show_progress("reading");
+  const Stopwatch total;
+  const auto model = choose_model(options);
+  if (!model) return complain(model.error());
+  const auto source = read_input(options.source, options);
+  if (!source) return complain(source.error());
+  const auto reference = read_input(options.reference, options);
+  if (!reference) return complain(reference.error());
+
+  show_progress("assembling");
+  const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
+  const CloudPair pair = {source->used, reference->used};
+  const AssembleOptions how = {
+      .complete_match = options.complete_match, .diagnostics = true, .swap_residual = true};
+  const Device device = cpu_device(static_cast<unsigned>(options.run.threads));
+  auto plan = make_plan(device, *model, shape_of({&pair, 1}, how), options.run.plan);
+  if (!plan) return complain(plan.error(), which);
+  auto assemblies = assemble(*plan, {&pair, 1}, how);
+  if (!assemblies) return complain(assemblies.error(), which);
+
+  AssemblyReport report{.assembly = std::move(assemblies->front()),
+                        .plan = *plan,
+                        .device = device,
+                        .complete_match = options.complete_match,
+                        .source_points = source->used.size(),
+                        .reference_points = reference->used.size(),
+                        .timings = plan->timings(),
+                        .total_milliseconds = total.milliseconds()};
+  if (options.verify) {
+    show_progress("verifying");
+    auto differences = verify(*plan, pair);
+    if (!differences) return complain(differences.error(), which);
+    report.verification = std::move(*differences);
+  }
+  clear_progress();
+
+  // With JSON on standard output, text for people goes to standard error.
+  print(report, options.json == "-" ? stderr : stdout);
+  const Assembly& assembly = report.assembly;
+  if (assembly.status == Status::failed)
+    return complain(run_failed, which + "a number is not finite; nothing was written");
+  if (!within_bounds(report))
+    return complain(run_failed,
+                    which + "the verification found a stage beyond its bound; nothing was written");
+  if (assembly.status == Status::degenerate) {
+    const std::string what = which + "the pose is not determined: " + assembly.diagnostics.reason;
+    if (options.strict) return complain(run_failed, what + "; nothing was written");
+    warn(what);
+  }
+  if (options.complete_match && assembly.diagnostics.overlap.value_or(1) < 0.9)
+    warn(which +
+         "the pose leaves much of the source off the reference, so this is no moved copy and complete "
+         "matching has no answer for it");
+  const auto written = write_outputs(options, *source, *reference, report);
+  return written ? done : complain(written.error());
+}
+
+}  // namespace
+
+Command add_assemble(CLI::App& root) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = root.add_subcommand("assemble", "Find the pose that assembles a source with a reference");
+  app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
+  app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
+  app->add_option("-o,--output", options->output, "Write both clouds, assembled, to this PLY file")
+      ->type_name("FILE");
+  add_json(*app, options->json);
+  auto* model = app->add_option("--model", options->model, "Weights (.safetensors)")->type_name("FILE");
+  app->add_flag("--complete-match", options->complete_match,
+                "For a reference that is a moved copy of the source; needs no trained model");
+  add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
+      ->excludes(model);
+  add_count(*app, "--points", options->points, 1, most_points,
+            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud");
+  add_seed(*app, "--seed", options->seed, "Seed of that sampling");
+  add_mode(*app, options->run.plan.mode,
+           "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
+  add_run_options(*app, options->run);
+  app->add_flag("--verify", options->verify,
+                "Also evaluate the pair as defined in double precision and compare every stage");
+  app->add_flag("--strict", options->strict, "Fail, and write nothing, when the pose is not determined");
+  app->footer(
+      "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
+      "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"
+      "Exit status: 0 done; 1 ran, but the result is not to be used; 2 bad input or usage.\n\n"
+      "Examples:\n"
+      "  bitr assemble part.ply whole.ply --model model.safetensors -o assembled.ply --json result.json\n"
+      "  bitr assemble scan.ply moved.ply --complete-match --json -");
+  return {app, [options] { return run(*options); }};
+}
+
+}  // namespace bitr::tool

@@ -1,0 +1,119 @@
+#include "assembly_report.hpp"
+
+#include <algorithm>
+
+#include "options.hpp"
+
+namespace bitr::tool {
+namespace {
+
+Json optional_json(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+std::string_view status_name(Status status) {
+  switch (status) {
+    case Status::ok:
+      return "ok";
+    case Status::degenerate:
+      return "degenerate";
+    case Status::failed:
+      return "failed";
+  }
+  return "failed";
+}
+
+Json diagnostics_json(const Assembly& assembly) {
+  const Diagnostics& d = assembly.diagnostics;
+  return {{"status", status_name(assembly.status)},
+          {"degenerate", d.degenerate},
+          {"reason", d.reason},
+          {"singular_values", d.singular_values},
+          {"rotation_gap", d.rotation_gap},
+          {"overlap", optional_json(d.overlap)},
+          {"inlier_rmse", optional_json(d.inlier_rmse)},
+          {"inlier_threshold", optional_json(d.inlier_threshold)},
+          {"swap_residual", optional_json(d.swap_residual)}};
+}
+
+void print_diagnostics(const AssemblyReport& report, std::FILE* out) {
+  const Diagnostics& d = report.assembly.diagnostics;
+  std::fprintf(out, "status      %s%s%s\n", status_name(report.assembly.status).data(),
+               d.reason.empty() ? "" : ": ", d.reason.c_str());
+  if (d.overlap && d.inlier_threshold)
+    std::fprintf(out, "overlap     %.1f %% of the source within %.4g of the reference\n", 100 * *d.overlap,
+                 *d.inlier_threshold);
+  if (d.inlier_rmse) std::fprintf(out, "inlier RMSE %.4g\n", *d.inlier_rmse);
+  std::fprintf(out, "rotation    gap %.4g in 0 … 2, singular values %.4g %.4g %.4g\n", d.rotation_gap,
+               d.singular_values[0], d.singular_values[1], d.singular_values[2]);
+  if (d.swap_residual) std::fprintf(out, "swap        residual %.3g\n", *d.swap_residual);
+}
+
+void print_verification(const std::vector<StageDifference>& stages, std::FILE* out) {
+  std::size_t width = 5;
+  for (const StageDifference& stage : stages) width = std::max(width, stage.stage.size());
+  std::fprintf(out, "\n%-*s  difference  bound\n", static_cast<int>(width), "stage");
+  for (const StageDifference& stage : stages)
+    std::fprintf(out, "%-*s  %.2e    %.2e%s\n", static_cast<int>(width), stage.stage.c_str(),
+                 stage.difference, stage.bound, stage.within() ? "" : "  BEYOND");
+}
+
+}  // namespace
+
+bool within_bounds(const AssemblyReport& report) {
+  return std::all_of(report.verification.begin(), report.verification.end(),
+                     [](const StageDifference& stage) { return stage.within(); });
+}
+
+void print(const AssemblyReport& report, std::FILE* out) {
+  const auto matrix = report.assembly.T_reference_source.matrix();
+  std::fprintf(out, "T_reference_source\n");
+  for (int row = 0; row < 4; ++row)
+    std::fprintf(out, "  %15.9g %15.9g %15.9g %15.9g\n", matrix[4 * row], matrix[4 * row + 1],
+                 matrix[4 * row + 2], matrix[4 * row + 3]);
+  const Plan& plan = report.plan;
+  std::fprintf(out, "points      source %zu, reference %zu\n", report.source_points, report.reference_points);
+  std::fprintf(out, "model       %s, %s, %s%s%s\n", plan.model().name().c_str(),
+               mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
+               plan.options().as_defined ? ", as defined" : "",
+               report.complete_match ? ", complete match" : "");
+  print_diagnostics(report, out);
+  std::fprintf(out, "time        %.1f ms on %s, %u threads\n", report.total_milliseconds,
+               report.device.name().c_str(), report.device.threads());
+  if (!report.verification.empty()) print_verification(report.verification, out);
+  std::fflush(out);
+}
+
+Json to_json(const AssemblyReport& report) {
+  const Pose& pose = report.assembly.T_reference_source;
+  const auto& r = pose.rotation;
+  Json timing = {{"total", report.total_milliseconds}};
+  for (const StageTime& stage : report.timings)
+    timing[stage.stage] = timing.value(stage.stage, 0.0) + stage.milliseconds;
+
+  Json json = {
+      {"transform", matrix_json(pose)},
+      {"rotation", {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}}},
+      {"translation", pose.translation},
+      {"model", report.plan.model().name()},
+      {"trained", report.plan.model().trained()},
+      {"complete_match", report.complete_match},
+      {"backend", "cpu"},
+      {"device", report.device.name()},
+      {"precision", precision_name(report.plan.options().precision)},
+      {"as_defined", report.plan.options().as_defined},
+      {"mode", mode_name(report.plan.mode())},
+      {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
+      {"key_points",
+       {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
+      {"diagnostics", diagnostics_json(report.assembly)},
+      {"refinement", nullptr}};
+  if (!report.verification.empty()) {
+    Json stages = Json::array();
+    for (const StageDifference& stage : report.verification)
+      stages.push_back({{"stage", stage.stage}, {"difference", stage.difference}, {"bound", stage.bound}});
+    json["verification"] = std::move(stages);
+  }
+  json["timing_ms"] = std::move(timing);
+  return json;
+}
+
+}  // namespace bitr::tool

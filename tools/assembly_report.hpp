@@ -1,0 +1,31 @@
+// The result of one pair, as text and as JSON.
+#pragma once
+
+#include <bitr/assemble.hpp>
+#include <cstdio>
+#include <vector>
+
+#include "output.hpp"
+
+namespace bitr::tool {
+
+struct AssemblyReport {
+  Assembly assembly;
+  const Plan& plan;
+  const Device& device;
+  bool complete_match = false;
+  std::size_t source_points = 0, reference_points = 0;  ///< that the network saw
+  std::vector<StageTime> timings;
+  double total_milliseconds = 0;  ///< from reading the files to the pose
+  std::vector<StageDifference> verification = {};
+};
+
+bool within_bounds(const AssemblyReport& report);
+
+/// Pose, diagnostics and, if there is one, the verification's table.
+void print(const AssemblyReport& report, std::FILE* out);
+
+/// Everything but `timing_ms` is the same in every run.
+Json to_json(const AssemblyReport& report);
+
+}  // namespace bitr::tool

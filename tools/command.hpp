@@ -1,0 +1,27 @@
+// A subcommand: its options are bound when it is added, and main runs it once everything has been parsed.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace bitr::tool {
+
+/// Exit statuses that scripts depend on.
+enum ExitStatus {
+  done = 0,
+  run_failed = 1,  ///< ran, but the result is not to be used
+  bad_usage = 2,   ///< bad input or options
+};
+
+struct Command {
+  CLI::App* app;
+  std::function<int()> run;  ///< the exit status
+};
+
+Command add_assemble(CLI::App& root);
+Command add_generate(CLI::App& root);
+Command add_model_info(CLI::App& model);
+Command add_model_convert(CLI::App& model);
+Command add_bench(CLI::App& root);
+
+}  // namespace bitr::tool

@@ -1,0 +1,15 @@
+// The picture of a result: both clouds in the reference's frame.
+#pragma once
+
+#include <bitr/cloud.hpp>
+#include <bitr/pose.hpp>
+
+namespace bitr::tool {
+
+/// The source moved by the pose, then the reference. Colours are the inputs' when both have them, else orange
+/// for the source and blue for the reference; normals are kept, turned with their points, when both have
+/// them.
+PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
+                        const Pose& T_reference_source);
+
+}  // namespace bitr::tool

@@ -1,0 +1,56 @@
+// bitr: the command.
+#include <iostream>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "command.hpp"
+#include "output.hpp"
+
+namespace {
+
+using namespace bitr::tool;
+
+int run(int argc, char** argv) {
+  CLI::App app("Assembles pairs of 3-D point clouds.", "bitr");
+  app.set_version_flag("--version", "bitr " BITR_VERSION);
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  bitr generate copy --out clouds --count 1 --seed 1\n"
+      "  bitr assemble clouds/copy_000_source.ply clouds/copy_000_reference.ply --complete-match -o "
+      "assembled.ply\n"
+      "  bitr assemble --help");
+  CLI::App* model = app.add_subcommand("model", "Look into weights, convert them");
+  model->require_subcommand(1);
+  model->footer(
+      "Examples:\n"
+      "  bitr model info model.safetensors\n"
+      "  bitr model convert checkpoint.pt model.safetensors");
+  const std::vector<Command> commands = {add_assemble(app), add_generate(app), add_model_info(*model),
+                                         add_model_convert(*model), add_bench(app)};
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
+    return complain(bad_usage, error.what());
+  }
+  for (const Command& command : commands)
+    if (command.app->parsed()) return command.run();
+  return complain(bad_usage, "no command");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int status = run_failed;
+  try {
+    status = run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    return complain(run_failed, "out of memory");
+  } catch (const std::exception& error) {
+    return complain(run_failed, error.what());
+  }
+  if (status == done && !std::cout.flush()) return complain(bad_usage, "standard output cannot be written");
+  return status;
+}

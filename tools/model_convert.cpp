@@ -1,0 +1,50 @@
+// bitr model convert: from the training code's checkpoint to safetensors.
+#include <bitr/io.hpp>
+#include <bitr/model.hpp>
+#include <iostream>
+#include <memory>
+
+#include "command.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace bitr::tool {
+namespace {
+
+struct Options {
+  std::string input, output;
+  ModelOptions model;
+};
+
+int run(Options& options) {
+  if (const auto checked = check_output("OUT", options.output, {options.input}); !checked)
+    return complain(checked.error());
+  options.model.name = std::filesystem::path(options.output).stem().string();
+  const auto model = load_torch_checkpoint(options.input, options.model);
+  if (!model) return complain(model.error());
+  if (const auto written = io::write_file(options.output, serialize(*model)); !written)
+    return complain(written.error());
+  std::cout << options.output << ": " << model->parameter_count() << " parameters in "
+            << model->tensor_count() << " tensors, mode " << mode_name(model->mode()) << '\n';
+  return done;
+}
+
+}  // namespace
+
+Command add_model_convert(CLI::App& model) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = model.add_subcommand("convert", "Convert a PyTorch checkpoint to safetensors");
+  app->add_option("IN", options->input, "Checkpoint written by torch.save (.pt)")
+      ->required()
+      ->type_name("FILE");
+  app->add_option("OUT", options->output, "Weights to write (.safetensors)")->required()->type_name("FILE");
+  add_mode(*app, options->model.mode, "Mode to record in the file (default: what the checkpoint asks for)");
+  app->footer(
+      "The checkpoint is read by a reader that can only build tensors and plain containers: no code in it "
+      "runs.\n\n"
+      "Example:\n"
+      "  bitr model convert checkpoint.pt model.safetensors --mode scale-exact");
+  return {app, [options] { return run(*options); }};
+}
+
+}  // namespace bitr::tool

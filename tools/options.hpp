@@ -1,0 +1,37 @@
+// Options that several commands share, and values read strictly: a whole number is digits and nothing else.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <bitr/assemble.hpp>
+#include <bitr/model.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace bitr::tool {
+
+inline constexpr std::uint64_t most_points = 100'000'000;
+
+/// A whole number in low … high; the error names the option, the value and the range.
+CLI::Option* add_count(CLI::App& app, const std::string& name, std::uint64_t& value, std::uint64_t low,
+                       std::uint64_t high, const std::string& description);
+CLI::Option* add_count(CLI::App& app, const std::string& name, std::optional<std::uint64_t>& value,
+                       std::uint64_t low, std::uint64_t high, const std::string& description);
+CLI::Option* add_seed(CLI::App& app, const std::string& name, std::uint64_t& value,
+                      const std::string& description);
+
+/// --mode scale-exact|reference
+CLI::Option* add_mode(CLI::App& app, std::optional<Mode>& mode, const std::string& description);
+std::string_view mode_name(Mode mode);
+
+CLI::Option* add_json(CLI::App& app, std::string& path);
+
+/// How a plan runs: --backend, --threads, --precision, --as-defined.
+struct RunOptions {
+  std::uint64_t threads = 0;
+  PlanOptions plan;
+};
+void add_run_options(CLI::App& app, RunOptions& options);
+std::string_view precision_name(Precision precision);
+
+}  // namespace bitr::tool

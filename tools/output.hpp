@@ -1,0 +1,38 @@
+// What a command says and writes: errors as one line, JSON, files that appear whole or not at all.
+#pragma once
+
+#include <bitr/pose.hpp>
+#include <bitr/result.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bitr::tool {
+
+using Json = nlohmann::ordered_json;
+
+/// "bitr: message" on standard error, as one line whatever the message holds; returns the status.
+int complain(int status, std::string_view message);
+/// The same with the exit status that the error's kind has.
+int complain(const Error& error, std::string_view prefix = {});
+void warn(std::string_view message);
+
+/// A line on the terminal that says how far the work is, until it is cleared or something else is said;
+/// nothing when standard error is not a terminal.
+void show_progress(std::string_view text);
+void clear_progress();
+
+/// `invalid_argument` naming `option` when a file could not be made at `path`, or it is one of `inputs`.
+/// Found out before the work rather than after it. An empty path and "-" pass.
+Result<void> check_output(std::string_view option, const std::string& path,
+                          const std::vector<std::string>& inputs = {});
+
+/// To the file, or to standard output when `path` is "-".
+Result<void> write_json(const std::string& path, const Json& json);
+
+/// Four rows of the homogeneous matrix.
+Json matrix_json(const Pose& pose);
+
+}  // namespace bitr::tool
