@@ -1,6 +1,7 @@
 // Compiled without contraction into fused multiply-adds, so that brute force and the tree see the same bits and
 // ties are ties in both.
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <nanoflann.hpp>
 #include <numeric>
@@ -22,6 +23,31 @@ struct Candidate {
   }
 };
 
+// The same order in one integer: the bits of non-negative floats sort like their values.
+template <>
+struct Candidate<float> {
+  std::uint64_t key;
+  Candidate() = default;
+  Candidate(float distance, std::uint32_t index)
+      : key(std::uint64_t{std::bit_cast<std::uint32_t>(distance)} << 32 | index) {}
+  bool operator<(const Candidate& other) const { return key < other.key; }
+};
+
+template <class T>
+std::uint32_t index_of(const Candidate<T>& candidate) {
+  if constexpr (std::is_same_v<T, float>)
+    return static_cast<std::uint32_t>(candidate.key);
+  else
+    return candidate.index;
+}
+template <class T>
+T distance_of(const Candidate<T>& candidate) {
+  if constexpr (std::is_same_v<T, float>)
+    return std::bit_cast<float>(static_cast<std::uint32_t>(candidate.key >> 32));
+  else
+    return candidate.distance;
+}
+
 // Structure of arrays, padded to whole lanes with points at infinity.
 template <class T>
 struct Coordinates {
@@ -40,23 +66,24 @@ struct Coordinates {
 template <class T>
 class BruteForce {
  public:
-  BruteForce(const Coordinates<T>& points, int k) : points_(points), k_(k), distance_(points.padded) {}
+  BruteForce(const Coordinates<T>& points, int k) : points_(points), k_(k), distance_(points.padded), near_(points.padded + 1) {}
 
   // `self`: reference to leave out; ≥ count for none.
   void search(const T* query, std::size_t self, std::uint32_t base, std::uint32_t* out) {
     distances(query);
     if (self < points_.count) distance_[self] = std::numeric_limits<T>::infinity();
     const T limit = bound();
-    found_.clear();
-    for (std::size_t i = 0; i < points_.padded; i += 4 * lane_count) {
-      const Eigen::Map<const Eigen::Array<T, 4 * lane_count, 1>> block(distance_.data() + i);
-      if (!(block <= limit).any()) continue;
-      for (std::size_t j = i; j < i + 4 * lane_count; ++j)
-        if (distance_[j] <= limit) found_.push_back({distance_[j], static_cast<std::uint32_t>(j)});
+    // Without branches: whether a point is a candidate is not predictable.
+    std::size_t count = 0;
+    for (std::size_t j = 0; j < points_.padded; ++j) {
+      near_[count] = static_cast<std::uint32_t>(j);
+      count += distance_[j] <= limit;
     }
-    // Points at infinity (padding, the query itself) can pass the limit only when k points do not exist below it.
-    std::partial_sort(found_.begin(), found_.begin() + k_, found_.end());
-    for (int i = 0; i < k_; ++i) out[i] = base + found_[i].index;
+    found_.clear();
+    for (std::size_t i = 0; i < count; ++i) found_.emplace_back(Candidate<T>{distance_[near_[i]], near_[i]});
+    if (count > 2 * static_cast<std::size_t>(k_)) std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
+    std::sort(found_.begin(), found_.begin() + std::min<std::size_t>(count, 2 * k_));
+    for (int i = 0; i < k_; ++i) out[i] = base + index_of<T>(found_[i]);
   }
 
  private:
@@ -92,6 +119,7 @@ class BruteForce {
   const Coordinates<T>& points_;
   const int k_;
   std::vector<T> distance_, minima_;
+  std::vector<std::uint32_t> near_;
   std::vector<Candidate<T>> found_;
 };
 
@@ -151,7 +179,7 @@ class NearestSet {
   }
   T worstDist() const {
     if (!full()) return std::numeric_limits<T>::max();
-    return found_.back().distance * (1 + 16 * std::numeric_limits<T>::epsilon()) + std::numeric_limits<T>::min();
+    return distance_of<T>(found_.back()) * (1 + 16 * std::numeric_limits<T>::epsilon()) + std::numeric_limits<T>::min();
   }
   const std::vector<Candidate<T>>& found() const { return found_; }
   void reset(std::uint32_t self) {
@@ -202,7 +230,7 @@ class KnnKernel : public Kernel<T> {
       for (std::size_t q = q0; q < q1; ++q) {
         nearest.reset(static_cast<std::uint32_t>(self(q)));
         tree.findNeighbors(nearest, queries + 3 * q, {});
-        for (int i = 0; i < op_.k; ++i) out[q * op_.k + i] = base + nearest.found()[i].index;
+        for (int i = 0; i < op_.k; ++i) out[q * op_.k + i] = base + index_of<T>(nearest.found()[i]);
       }
     });
   }

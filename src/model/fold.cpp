@@ -65,7 +65,7 @@ class Folder {
     const ops::ProjectedRelu* relu = take_relu(output);
     const TensorId feature = node.inputs[0], index = node.inputs[1], centres = node.inputs[2],
                    neighbours = node.inputs[3];
-    const std::string& name = graph_.tensors[output].name;
+    const std::string name = graph_.tensors[output].name;
     if (layer.sides == 2) {
       graph_.append(name, pair_attention(layer, relu), {feature, index, centres}, {output});
       return;
