@@ -61,7 +61,8 @@ struct Diagnostics {
   std::optional<double> overlap;              ///< share of source points with a reference point within the threshold
   std::optional<double> inlier_rmse;          ///< over those points, in the clouds' units; empty if there are none
   std::optional<double> inlier_threshold;     ///< twice the larger of the clouds' median neighbour distances
-  std::optional<double> swap_residual;        ///< |f(X,Y)∘f(Y,X) − I|, translation in units of the reference's size
+  std::optional<double> swap_residual;        ///< |f(X,Y)∘f(Y,X) − I|, translations in units of the reference's
+                                              ///< diagonal: 0 but for rounding
 };
 
 struct Assembly {

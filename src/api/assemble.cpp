@@ -64,11 +64,8 @@ std::vector<CloudPair> evaluated_pairs(std::span<const CloudPair> pairs, const A
   std::vector<CloudPair> all(pairs.begin(), pairs.end());
   if (options.complete_match)
     for (const CloudPair& pair : pairs) all.push_back({pair.source, pair.source});
-  if (options.swap_residual) {
+  if (options.swap_residual)
     for (const CloudPair& pair : pairs) all.push_back({pair.reference, pair.source});
-    if (options.complete_match)
-      for (const CloudPair& pair : pairs) all.push_back({pair.reference, pair.reference});
-  }
   return all;
 }
 
@@ -98,15 +95,11 @@ Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pa
   const auto pose = [&](std::size_t i) {
     return uncentred(impl.raw_pose(i).T_reference_source, batch->centroids[i], batch->centroids[clouds + i]);
   };
-  // f(X,Y), or f(X,Y)∘f(X,X), of pair i of the block that starts at `first`.
-  const auto result = [&](std::size_t first, std::size_t i) {
-    return options.complete_match ? pose(first + i) * pose(first + count + i) : pose(first + i);
-  };
   const std::size_t swapped = options.complete_match ? 2 * count : count;
   std::vector<Assembly> assemblies(count);
   for (std::size_t i = 0; i < count; ++i) {
     Assembly& assembly = assemblies[i];
-    assembly.T_reference_source = result(0, i);
+    assembly.T_reference_source = options.complete_match ? pose(i) * pose(count + i) : pose(i);
     assembly.source_key_points = key_points(keys, *batch, i);
     assembly.reference_key_points = key_points(keys, *batch, clouds + i);
     judge(impl.raw_pose(i), assembly);
@@ -116,8 +109,8 @@ Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pa
       continue;
     }
     if (options.swap_residual)
-      assembly.diagnostics.swap_residual = residual(assembly.T_reference_source * result(swapped, i),
-                                                    diagonal(pairs[i].reference.positions));
+      assembly.diagnostics.swap_residual =
+          residual(pose(i) * pose(swapped + i), diagonal(pairs[i].reference.positions));
     if (options.diagnostics)
       measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
   }

@@ -30,16 +30,20 @@ std::vector<Vec3d> copy(const Vec3View& view) {
   return points;
 }
 
-// Median distance from a point to its nearest other point, over an even sample.
+// Median distance from a point to its nearest other place, over an even sample. Duplicates of a point are at its own
+// place; 0 when every sampled point has nothing but duplicates near.
 double median_spacing(const Tree& tree, const std::vector<Vec3d>& points) {
+  constexpr std::size_t looked_at = 8;
   const std::size_t step = std::max<std::size_t>(1, points.size() / spacing_samples);
   std::vector<double> nearest;
   for (std::size_t i = 0; i < points.size(); i += step) {
-    std::uint32_t index[2];
-    double squared[2] = {0, 0};
-    tree.knnSearch(points[i].data(), 2, index, squared);
-    nearest.push_back(std::sqrt(squared[1]));
+    std::uint32_t index[looked_at];
+    double squared[looked_at];
+    const std::size_t found = tree.knnSearch(points[i].data(), looked_at, index, squared);
+    const double* other = std::find_if(squared, squared + found, [](double s) { return s > 0; });
+    if (other != squared + found) nearest.push_back(std::sqrt(*other));
   }
+  if (nearest.empty()) return 0;
   std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
   return nearest[nearest.size() / 2];
 }

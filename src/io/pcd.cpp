@@ -131,10 +131,12 @@ Result<Header> parse_header(const File& file) {
       } else {
         return bad(file, place, in_quotes(word), " is not a PCD data type");
       }
-      if (!points && width && height) {
+      if (width && height) {
         if (*height != 0 && *width > std::numeric_limits<std::uint64_t>::max() / *height)
           return bad(file, place, *width, " x ", *height, " points are over 2^64");
-        points = *width * *height;
+        if (!points) points = *width * *height;
+        if (*points != *width * *height)
+          return bad(file, place, *points, " POINTS are not ", *width, " x ", *height);
       }
       if (!points) return bad(file, place, "the header has neither POINTS nor WIDTH and HEIGHT");
       header.points = *points;

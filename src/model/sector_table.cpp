@@ -19,7 +19,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Poly = std::vector<double>;  // ascending powers of t = tan θ
+// Coefficients by ascending powers.
+using Poly = std::vector<double>;
 
 constexpr double quarter_turn = std::numbers::pi / 2;
 
@@ -36,27 +37,55 @@ Poly operator-(Poly a, const Poly& b) {
   return a;
 }
 
-// A quadratic form on (1, t).
-Poly form(const Matrix2d& m) { return {m(0, 0), m(0, 1) + m(1, 0), m(1, 1)}; }
+Vector2d ray(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
-// Angles in (low, high) near real roots. A root too many only splits a sector in two equal halves, so nearly real
-// ones are taken as well.
-void add_roots(Poly p, double low, double high, std::vector<double>& angles) {
-  double largest = 0;
-  for (double c : p) largest = std::max(largest, std::abs(c));
-  if (largest == 0) return;
-  while (p.size() > 1 && std::abs(p.back()) <= 1e-14 * largest) p.pop_back();
-  const auto degree = static_cast<Eigen::Index>(p.size()) - 1;
-  if (degree < 1) return;
-  MatrixXd companion = MatrixXd::Zero(degree, degree);
-  companion.diagonal(-1).setOnes();
-  for (Eigen::Index i = 0; i < degree; ++i) companion(i, degree - 1) = -p[i] / p[degree];
-  for (const auto& root : companion.eigenvalues()) {
-    if (std::abs(root.imag()) > 1e-4 * (1 + std::abs(root.real()))) continue;
-    const double angle = std::atan(root.real());
-    if (angle > low && angle < high) angles.push_back(angle);
+// A fan of rays u(t) = a + t b, t ∈ (0, ∞), between the rays a and b: inside it, roots are positive roots.
+class Fan {
+ public:
+  Fan(double low, double high) {
+    ends_.col(0) = ray(low);
+    ends_.col(1) = ray(high);
   }
-}
+  // Of linear and quadratic forms of u.
+  Poly linear(const Vector2d& w) const {
+    const Vector2d local = ends_.transpose() * w;
+    return {local[0], local[1]};
+  }
+  Poly quadratic(const Matrix2d& m) const {
+    const Matrix2d local = ends_.transpose() * m * ends_;
+    return {local(0, 0), local(0, 1) + local(1, 0), local(1, 1)};
+  }
+  // Angles of the roots of p. A root too many only splits a sector in two equal halves, so nearly real ones are taken
+  // as well.
+  void add_roots(Poly p, std::vector<double>& angles) const {
+    if (!changes_sign(p)) return;
+    double largest = 0;
+    for (double c : p) largest = std::max(largest, std::abs(c));
+    while (p.size() > 1 && std::abs(p.back()) <= 1e-14 * largest) p.pop_back();
+    const auto degree = static_cast<Eigen::Index>(p.size()) - 1;
+    if (degree < 1) return;
+    // At most quartic: a matrix that never leaves the stack.
+    using Companion = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 4, 4>;
+    Companion companion = Companion::Zero(degree, degree);
+    companion.diagonal(-1).setOnes();
+    for (Eigen::Index i = 0; i < degree; ++i) companion(i, degree - 1) = -p[i] / p[degree];
+    const Eigen::EigenSolver<Companion> solver(companion, false);
+    for (Eigen::Index i = 0; i < degree; ++i) {
+      const std::complex<double> root = solver.eigenvalues()[i];
+      if (root.real() <= 0 || std::abs(root.imag()) > 1e-4 * (1 + root.real())) continue;
+      const Vector2d u = ends_ * Vector2d(1, root.real());
+      angles.push_back(std::atan2(u[1], u[0]));
+    }
+  }
+
+ private:
+  // Descartes: without a change of sign there is no positive root.
+  static bool changes_sign(const Poly& p) {
+    const auto [low, high] = std::minmax_element(p.begin(), p.end());
+    return *low < 0 && *high > 0;
+  }
+  Matrix2d ends_;
+};
 
 // Sorted, with the ends of the interval.
 std::vector<double> with_ends(std::vector<double> angles, double low, double high) {
@@ -65,8 +94,6 @@ std::vector<double> with_ends(std::vector<double> angles, double low, double hig
   std::sort(angles.begin(), angles.end());
   return angles;
 }
-
-Vector2d ray(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
 ArrayXd slopes(const VectorXd& x) {
   return (x.array() > 0).select(ArrayXd::Ones(x.size()), ArrayXd::Constant(x.size(), ops::leaky_slope));
@@ -88,14 +115,17 @@ class Divider {
   // Scale degree 1: h₁ = W₁ρ, h₂ = W₂D₁h₁, R = W₃D₂h₂.
   void divide_linear() {
     std::vector<double> first;
-    for (Eigen::Index j = 0; j < net_.w1.rows(); ++j) add_roots({net_.w1(j, 0), net_.w1(j, 1)}, 0, quarter_turn, first);
+    const Fan quadrant(0, quarter_turn);
+    for (Eigen::Index j = 0; j < net_.w1.rows(); ++j)
+      quadrant.add_roots(quadrant.linear(net_.w1.row(j).transpose()), first);
     first = with_ends(std::move(first), 0, quarter_turn);
     for (std::size_t s = 0; s + 1 < first.size(); ++s) {
       const ArrayXd d1 = slopes(net_.w1 * ray((first[s] + first[s + 1]) / 2));
       const MatrixXd second = net_.w2 * d1.matrix().asDiagonal() * net_.w1;
       std::vector<double> inner;
+      const Fan fan(first[s], first[s + 1]);
       for (Eigen::Index j = 0; j < second.rows(); ++j)
-        add_roots({second(j, 0), second(j, 1)}, first[s], first[s + 1], inner);
+        fan.add_roots(fan.linear(second.row(j).transpose()), inner);
       inner = with_ends(std::move(inner), first[s], first[s + 1]);
       for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
         const ArrayXd d2 = slopes(second * ray((inner[i] + inner[i + 1]) / 2));
@@ -110,10 +140,11 @@ class Divider {
     q = w.transpose() * w / static_cast<double>(w.rows());
     const MatrixXd first_map = net_.gain1.asDiagonal() * w;
     std::vector<double> first;
+    const Fan quadrant(0, quarter_turn);
     for (Eigen::Index j = 0; j < w.rows(); ++j) {
       // g·(x, y) = −b means (g·u)² = b² q(u).
       const Vector2d g = first_map.row(j).transpose();
-      add_roots(form(g * g.transpose() - net_.bias1[j] * net_.bias1[j] * q), 0, quarter_turn, first);
+      quadrant.add_roots(quadrant.quadratic(g * g.transpose() - net_.bias1[j] * net_.bias1[j] * q), first);
     }
     first = with_ends(std::move(first), 0, quarter_turn);
     for (std::size_t s = 0; s + 1 < first.size(); ++s) {
@@ -140,12 +171,15 @@ class Divider {
   void divide_second(const MatrixXd& affine, const ArrayXd& d1, double low, double high) {
     const Matrix3d Q = affine.transpose() * affine / static_cast<double>(affine.rows());
     std::vector<double> inner;
+    const Fan fan(low, high);
+    const Poly variance = fan.quadratic(q);
     for (Eigen::Index j = 0; j < affine.rows(); ++j) {
       // g·p = −b√Q(p) means S(p) = (g·p)² − b²Q(p) = 0; with p ∝ (u, √q(u)), S = α(u) + β(u)√q(u).
       const Vector3d g = net_.gain2[j] * affine.row(j).transpose();
       const Matrix3d S = g * g.transpose() - net_.bias2[j] * net_.bias2[j] * Q;
-      const Poly alpha = form(S.topLeftCorner<2, 2>() + S(2, 2) * q), beta = {2 * S(0, 2), 2 * S(1, 2)};
-      add_roots(alpha * alpha - beta * beta * form(q), low, high, inner);
+      const Poly alpha = fan.quadratic(S.topLeftCorner<2, 2>() + S(2, 2) * q);
+      const Poly beta = fan.linear(2 * S.topRightCorner<2, 1>());
+      fan.add_roots(alpha * alpha - beta * beta * variance, inner);
     }
     inner = with_ends(std::move(inner), low, high);
     for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
