@@ -117,6 +117,7 @@ TEST(Malformed, AbsurdHeadersAreRefusedWithoutTheirMemory) {
            "element face 1\nproperty list int int vertex_index\nend_header\n0 0 0\n1000000000000 0 0\n",
        "line 11: \"vertex_index\" announces 1000000000000 values and has 2"},
       {"pcd", pcd_fields + "WIDTH 4294967296\nHEIGHT 4294967296\nDATA binary\n", "points are over 2^64"},
+      {"pcd", pcd_fields + "WIDTH 2\nHEIGHT 3\nPOINTS 5\nDATA ascii\n", "5 POINTS are not 2 x 3"},
       {"pcd", pcd_fields + "POINTS 18446744073709551615\nDATA binary\n", "need over 2^64 bytes, 0 remain"},
       {"pcd", pcd_fields + "POINTS 1000000000\nDATA ascii\n0 0 0\n",
        "need at least 6000000000 bytes, 6 remain"},
