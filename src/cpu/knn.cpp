@@ -75,9 +75,11 @@ class BruteForce {
     const T limit = bound();
     // Without branches: whether a point is a candidate is not predictable.
     std::size_t count = 0;
+    const T* distance = distance_.data();
+    std::uint32_t* near = near_.data();
     for (std::size_t j = 0; j < points_.padded; ++j) {
-      near_[count] = static_cast<std::uint32_t>(j);
-      count += distance_[j] <= limit;
+      near[count] = static_cast<std::uint32_t>(j);
+      count += distance[j] <= limit;
     }
     found_.clear();
     for (std::size_t i = 0; i < count; ++i) found_.emplace_back(Candidate<T>{distance_[near_[i]], near_[i]});
@@ -225,12 +227,15 @@ class KnnKernel : public Kernel<T> {
     }
     const PointRows<T> rows{references, count};
     const Tree<T> tree(3, rows, {10});
-    pool.parallel_for(query_count, 512, [&](std::size_t q0, std::size_t q1) {
+    // A cloud that searches itself does so in the order of the tree's leaves: near queries visit the same nodes.
+    const bool leaf_order = op_.exclude_self;
+    pool.parallel_for(query_count, 512, [&](std::size_t first, std::size_t last) {
       NearestSet<T> nearest(op_.k, 0);
-      for (std::size_t q = q0; q < q1; ++q) {
+      for (std::size_t i = first; i < last; ++i) {
+        const std::size_t q = leaf_order ? tree.vAcc[i] : i;
         nearest.reset(static_cast<std::uint32_t>(self(q)));
         tree.findNeighbors(nearest, queries + 3 * q, {});
-        for (int i = 0; i < op_.k; ++i) out[q * op_.k + i] = base + index_of<T>(nearest.found()[i]);
+        for (int j = 0; j < op_.k; ++j) out[q * op_.k + j] = base + index_of<T>(nearest.found()[j]);
       }
     });
   }
