@@ -2,6 +2,7 @@
 #include <cmath>
 #include <map>
 
+#include "cpu/pair_messages.hpp"
 #include "cpu/projected_relu.hpp"
 #include "cpu/sector_table.hpp"
 
@@ -9,30 +10,6 @@ namespace bitr::cpu {
 namespace {
 
 using irreps::Degree;
-
-// coefficient · input component → output component, in the edge's frames.
-struct Term {
-  int coefficient, out, in;
-  bool negative;
-};
-
-// Axis to axis; then identity and 𝒥 on the plane across it.
-std::vector<Term> side_terms(int in, int out) {
-  std::vector<Term> terms = {{0, 0, 0, false}};
-  if (in == 1 && out == 1)
-    terms.insert(terms.end(), {{1, 1, 1, false}, {1, 2, 2, false}, {2, 1, 2, true}, {2, 2, 1, false}});
-  return terms;
-}
-
-std::vector<Term> pair_terms(const ops::PairBlock& block) {
-  const int freq2 = 2 * std::min(block.in.q, block.out.q) + 1, out2 = 2 * block.out.q + 1, in2 = 2 * block.in.q + 1;
-  std::vector<Term> terms;
-  for (const Term& a : side_terms(block.in.p, block.out.p))
-    for (const Term& b : side_terms(block.in.q, block.out.q))
-      terms.push_back({a.coefficient * freq2 + b.coefficient, a.out * out2 + b.out, a.in * in2 + b.in,
-                       a.negative != b.negative});
-  return terms;
-}
 
 // On a side of length zero only J = 0 survives: nothing between different degrees, and of 1→1 the multiple of the
 // identity, which is (c₀ + 2c₁)/3.
@@ -92,9 +69,14 @@ class PairRow {
   void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row, T* out) {
     const std::size_t stride = feature_.size();
     gather(features, neighbours, positions, row);
-    turn(p_.op.fiber_in, feature_, true);
-    messages();
-    turn(p_.messages, message_, false);
+    turn(p_.op.fiber_in, frame_, feature_.data(), true);
+    for (Edges& m : message_) m.setZero();
+    for (std::size_t b = 0; b < p_.op.blocks.size(); ++b) {
+      const ops::PairBlock& block = p_.op.blocks[b];
+      add_messages(block, p_.terms[b], &coefficient_[block.coefficients], &feature_[p_.op.fiber_in.offset(block.in)],
+                   &message_[p_.messages.offset(block.out) + block.out_begin * block.out.dim()]);
+    }
+    turn(p_.messages, frame_, message_.data(), false);
     const T* own = features + row * stride;
     attend(own);
     project(own, out);
@@ -122,7 +104,7 @@ class PairRow {
     Edges length[2];
     for (int s = 0; s < 2; ++s) {
       length[s] = (d[s][0].square() + d[s][1].square() + d[s][2].square()).sqrt();
-      frame(d[s], length[s], frame_[s]);
+      frame_[s].set(d[s], length[s]);
     }
     for (int j = 0; j < k_; ++j) {
       edge_.assign(edge_.size(), T{0});
@@ -131,59 +113,6 @@ class PairRow {
         if (length[s][j] == 0)
           for (const auto& block : p_.op.blocks) keep_scalar_part(block, s == 0, edge_.data());
       for (std::size_t c = 0; c < edge_.size(); ++c) coefficient_[c][j] = edge_[c];
-    }
-  }
-
-  // A right-handed orthonormal frame (rows) whose first axis is the direction. The angle about it cancels; so does
-  // the whole frame where the length is zero.
-  static void frame(const Edges* d, const Edges& length, Edges (&rows)[3][3]) {
-    const auto positive = length > 0;
-    const Edges scale = positive.select(length.inverse(), Edges::Zero());
-    const Edges x = d[0] * scale, y = d[1] * scale, z = positive.select(d[2] * scale, Edges::Ones());
-    const Edges sign = (z >= 0).select(Edges::Ones(), -Edges::Ones());
-    const Edges a = -(sign + z).inverse(), b = x * y * a;
-    rows[0][0] = x, rows[0][1] = y, rows[0][2] = z;
-    rows[1][0] = 1 + sign * x * x * a, rows[1][1] = sign * b, rows[1][2] = -sign * x;
-    rows[2][0] = b, rows[2][1] = sign + y * y * a, rows[2][2] = -y;
-  }
-
-  // Into the edges' frames, or back.
-  void turn(const irreps::Fiber& fiber, Buffer& rows, bool into) {
-    int at = 0;
-    for (const auto& [d, m] : fiber)
-      for (int c = 0; c < m; ++c, at += d.dim()) {
-        const int inner = 2 * d.q + 1;
-        if (d.p == 1)
-          for (int j = 0; j < inner; ++j) turn_vector(frame_[0], &rows[at + j], inner, into);
-        if (d.q == 1)
-          for (int i = 0; i < 2 * d.p + 1; ++i) turn_vector(frame_[1], &rows[at + 3 * i], 1, into);
-      }
-  }
-  static void turn_vector(const Edges (&f)[3][3], Edges* v, int step, bool into) {
-    const Edges x = v[0], y = v[step], z = v[2 * step];
-    for (int i = 0; i < 3; ++i)
-      v[i * step] = into ? Edges(f[i][0] * x + f[i][1] * y + f[i][2] * z) : Edges(f[0][i] * x + f[1][i] * y + f[2][i] * z);
-  }
-
-  void messages() {
-    for (Edges& m : message_) m.setZero();
-    for (std::size_t b = 0; b < p_.op.blocks.size(); ++b) {
-      const ops::PairBlock& block = p_.op.blocks[b];
-      const Edges* in = &feature_[p_.op.fiber_in.offset(block.in)];
-      Edges* out = &message_[p_.messages.offset(block.out)];
-      const int dim_in = block.in.dim(), dim_out = block.out.dim();
-      for (int o = 0; o < block.out_channels; ++o)
-        for (const Term& term : p_.terms[b]) {
-          const Edges* weight =
-              &coefficient_[block.coefficients + (term.coefficient * block.out_channels + o) * block.in_channels];
-          Edges sum = weight[0] * in[term.in];
-          for (int i = 1; i < block.in_channels; ++i) sum += weight[i] * in[i * dim_in + term.in];
-          Edges& target = out[(block.out_begin + o) * dim_out + term.out];
-          if (term.negative)
-            target -= sum;
-          else
-            target += sum;
-        }
     }
   }
 
@@ -231,7 +160,7 @@ class PairRow {
 
   const Prepared<T>& p_;
   const int k_;
-  Edges frame_[2][3][3];
+  Frame<Edges> frame_[2];
   Buffer coefficient_;
   std::vector<T> edge_;
   Buffer feature_, message_, weight_;
