@@ -10,12 +10,13 @@
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "pose_file.hpp"
 
 namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, output, json, model;
+  std::string source, reference, output, json, model, truth;
   bool complete_match = false, strict = false, verify = false;
   std::optional<std::uint64_t> points;
   std::uint64_t seed = 0, model_seed = 0;
@@ -61,7 +62,7 @@ Result<Model> choose_model(Options& options) {
 }
 
 Result<void> check_outputs(const Options& options) {
-  const std::vector<std::string> inputs = {options.source, options.reference, options.model};
+  const std::vector<std::string> inputs = {options.source, options.reference, options.model, options.truth};
   if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
   if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
   if (!options.output.empty() && options.output == options.json)
@@ -85,6 +86,12 @@ Result<void> write_outputs(const Options& options, const Input& source, const In
 
 int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+  std::optional<Pose> truth;
+  if (!options.truth.empty()) {
+    const auto read = read_pose(options.truth);
+    if (!read) return complain(read.error());
+    truth = *read;
+  }
 
   show_progress("reading");
   const Stopwatch total;
@@ -113,7 +120,8 @@ int run(Options& options) {
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
-                        .total_milliseconds = total.milliseconds()};
+                        .total_milliseconds = total.milliseconds(),
+                        .truth = truth};
   if (options.verify) {
     show_progress("verifying");
     auto differences = verify(*plan, pair);
@@ -164,6 +172,8 @@ Command add_assemble(CLI::App& root) {
   add_mode(*app, options->run.plan.mode,
            "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
   add_run_options(*app, options->run);
+  app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
+      ->type_name("FILE");
   app->add_flag("--verify", options->verify,
                 "Also evaluate the pair as defined in double precision and compare every stage");
   app->add_flag("--strict", options->strict, "Fail, and write nothing, when the pose is not determined");

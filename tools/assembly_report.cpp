@@ -78,6 +78,10 @@ void print(const AssemblyReport& report, std::FILE* out) {
   print_diagnostics(report, out);
   std::fprintf(out, "time        %.1f ms on %s, %u threads\n", report.total_milliseconds,
                report.device.name().c_str(), report.device.threads());
+  if (report.truth)
+    std::fprintf(out, "error       rotation %.3g degrees, translation %.3g\n",
+                 rotation_error_degrees(report.assembly.T_reference_source, *report.truth),
+                 translation_error(report.assembly.T_reference_source, *report.truth));
   if (!report.verification.empty()) print_verification(report.verification, out);
   std::fflush(out);
 }
@@ -86,8 +90,10 @@ Json to_json(const AssemblyReport& report) {
   const Pose& pose = report.assembly.T_reference_source;
   const auto& r = pose.rotation;
   Json timing = {{"total", report.total_milliseconds}};
-  for (const StageTime& stage : report.timings)
-    timing[stage.stage] = timing.value(stage.stage, 0.0) + stage.milliseconds;
+  for (const StageTime& stage : report.timings) {
+    const std::string key = stage.stage == "graph.index" ? "knn" : stage.stage;
+    timing[key] = timing.value(key, 0.0) + stage.milliseconds;
+  }
 
   Json json = {
       {"transform", matrix_json(pose)},
@@ -106,6 +112,9 @@ Json to_json(const AssemblyReport& report) {
        {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
       {"diagnostics", diagnostics_json(report.assembly)},
       {"refinement", nullptr}};
+  if (report.truth)
+    json["errors"] = {{"rotation_degrees", rotation_error_degrees(pose, *report.truth)},
+                      {"translation", translation_error(pose, *report.truth)}};
   if (!report.verification.empty()) {
     Json stages = Json::array();
     for (const StageDifference& stage : report.verification)

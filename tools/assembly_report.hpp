@@ -3,6 +3,7 @@
 
 #include <bitr/assemble.hpp>
 #include <cstdio>
+#include <optional>
 #include <vector>
 
 #include "output.hpp"
@@ -17,12 +18,13 @@ struct AssemblyReport {
   std::size_t source_points = 0, reference_points = 0;  ///< that the network saw
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
+  std::optional<Pose> truth = {};
   std::vector<StageDifference> verification = {};
 };
 
 bool within_bounds(const AssemblyReport& report);
 
-/// Pose, diagnostics and, if there is one, the verification's table.
+/// Pose, diagnostics and, where they were asked for, the errors and the verification's table.
 void print(const AssemblyReport& report, std::FILE* out);
 
 /// Everything but `timing_ms` is the same in every run.

@@ -12,7 +12,8 @@ namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string kind, folder, format = "ply";
+  std::string kind, folder;
+  io::PlyEncoding encoding = io::PlyEncoding::binary_little_endian;
   std::uint64_t count = 1, seed = 0, points = 2048;
   GenerateOptions pair;
 };
@@ -38,8 +39,6 @@ Json truth_json(const GeneratedPair& pair, const std::string& kind, const std::s
 int run(Options& options) {
   options.pair.points = options.points;
   const std::filesystem::path folder = options.folder;
-  const auto encoding =
-      options.format == "ply" ? io::PlyEncoding::binary_little_endian : io::PlyEncoding::ascii;
   for (std::uint64_t i = 0; i < options.count; ++i) {
     options.pair.seed = options.seed + i;
     const auto pair = generate_pair(options.kind, options.pair);
@@ -51,8 +50,9 @@ int run(Options& options) {
         return complain(bad_usage, "--out " + options.folder + ": cannot be made: " + error.message());
     }
     const std::string name = numbered(options.kind, i);
-    auto written = io::write_ply(folder / (name + "_source.ply"), pair->source, encoding);
-    if (written) written = io::write_ply(folder / (name + "_reference.ply"), pair->reference, encoding);
+    auto written = io::write_ply(folder / (name + "_source.ply"), pair->source, options.encoding);
+    if (written)
+      written = io::write_ply(folder / (name + "_reference.ply"), pair->reference, options.encoding);
     if (written)
       written =
           write_json(folder / (name + "_truth.json"), truth_json(*pair, options.kind, name, options.pair));
@@ -88,10 +88,11 @@ Command add_generate(CLI::App& root) {
   app->add_option("--roughness", options->pair.roughness, "Standard deviation of a break's relief")
       ->type_name("LENGTH")
       ->capture_default_str();
-  app->add_option("--format", options->format, "Encoding of the clouds")
-      ->check(CLI::IsMember({"ply", "ply-ascii"}))
-      ->type_name("ply|ply-ascii")
-      ->capture_default_str();
+  add_choice<io::PlyEncoding>(
+      *app, "--format",
+      {{"ply", io::PlyEncoding::binary_little_endian}, {"ply-ascii", io::PlyEncoding::ascii}},
+      options->encoding, "Encoding of the clouds")
+      ->default_str("ply");
   app->footer(
       "Kinds (every object fits in a ball of radius 0.5):\n" + kinds +
       "\nPair 0 of KIND is KIND_000_source.ply, KIND_000_reference.ply and KIND_000_truth.json, which has\n"

@@ -21,14 +21,15 @@ int run(int argc, char** argv) {
       "  bitr assemble clouds/copy_000_source.ply clouds/copy_000_reference.ply --complete-match -o "
       "assembled.ply\n"
       "  bitr assemble --help");
+  std::vector<Command> commands = {add_assemble(app), add_generate(app), add_bench(app)};
   CLI::App* model = app.add_subcommand("model", "Look into weights, convert them");
   model->require_subcommand(1);
   model->footer(
       "Examples:\n"
       "  bitr model info model.safetensors\n"
       "  bitr model convert checkpoint.pt model.safetensors");
-  const std::vector<Command> commands = {add_assemble(app), add_generate(app), add_model_info(*model),
-                                         add_model_convert(*model), add_bench(app)};
+  commands.push_back(add_model_info(*model));
+  commands.push_back(add_model_convert(*model));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

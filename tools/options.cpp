@@ -28,21 +28,6 @@ CLI::Option* count_option(CLI::App& app, const std::string& name, Value& value, 
       ->type_name("N");
 }
 
-/// An option with a fixed set of words, each standing for a value.
-template <class Value, class Target>
-CLI::Option* choice_option(CLI::App& app, const std::string& name,
-                           std::vector<std::pair<std::string, Value>> choices, Target& target,
-                           const std::string& description) {
-  std::string words;
-  for (const auto& [word, value] : choices) words += (words.empty() ? "" : "|") + word;
-  const auto parse = [name, choices = std::move(choices), words, &target](const std::string& text) {
-    for (const auto& [word, value] : choices)
-      if (word == text) return void(target = value);
-    throw CLI::ValidationError(name, "\"" + text + "\" is not one of " + words);
-  };
-  return app.add_option_function<std::string>(name, parse, description)->type_name(words);
-}
-
 }  // namespace
 
 CLI::Option* add_count(CLI::App& app, const std::string& name, std::uint64_t& value, std::uint64_t low,
@@ -61,8 +46,8 @@ CLI::Option* add_seed(CLI::App& app, const std::string& name, std::uint64_t& val
 }
 
 CLI::Option* add_mode(CLI::App& app, std::optional<Mode>& mode, const std::string& description) {
-  return choice_option<Mode>(
-      app, "--mode", {{"scale-exact", Mode::scale_exact}, {"reference", Mode::reference}}, mode, description);
+  return add_choice<Mode>(app, "--mode", {{"scale-exact", Mode::scale_exact}, {"reference", Mode::reference}},
+                          mode, description);
 }
 
 std::string_view mode_name(Mode mode) { return mode == Mode::scale_exact ? "scale-exact" : "reference"; }
@@ -84,8 +69,8 @@ void add_run_options(CLI::App& app, RunOptions& options) {
       ->default_str("auto");
   add_count(app, "--threads", options.threads, 0, 4096,
             "CPU threads, 0 for every core; results do not depend on them");
-  choice_option<Precision>(app, "--precision", {{"f32", Precision::f32}, {"f64", Precision::f64}},
-                           options.plan.precision, "Precision of the arithmetic")
+  add_choice<Precision>(app, "--precision", {{"f32", Precision::f32}, {"f64", Precision::f64}},
+                        options.plan.precision, "Precision of the arithmetic")
       ->default_str("f32");
   app.add_flag("--as-defined", options.plan.as_defined,
                "Evaluate the network exactly as it is defined, nothing folded: slow");

@@ -7,6 +7,9 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 namespace bitr::tool {
 
@@ -19,6 +22,21 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, std::optional<std
                        std::uint64_t low, std::uint64_t high, const std::string& description);
 CLI::Option* add_seed(CLI::App& app, const std::string& name, std::uint64_t& value,
                       const std::string& description);
+
+/// An option with a fixed set of words, each standing for a value.
+template <class Value, class Target>
+CLI::Option* add_choice(CLI::App& app, const std::string& name,
+                        std::vector<std::pair<std::string, Value>> choices, Target& target,
+                        const std::string& description) {
+  std::string words;
+  for (const auto& [word, value] : choices) words += (words.empty() ? "" : "|") + word;
+  const auto parse = [name, choices = std::move(choices), words, &target](const std::string& text) {
+    for (const auto& [word, value] : choices)
+      if (word == text) return void(target = value);
+    throw CLI::ValidationError(name, "\"" + text + "\" is not one of " + words);
+  };
+  return app.add_option_function<std::string>(name, parse, description)->type_name(words);
+}
 
 /// --mode scale-exact|reference
 CLI::Option* add_mode(CLI::App& app, std::optional<Mode>& mode, const std::string& description);

@@ -1,0 +1,205 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bitr/io.hpp>
+#include <bitr/pose.hpp>
+#include <cmath>
+
+#include "run_command.hpp"
+
+namespace bitr::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+Pose pose_of(const nlohmann::json& matrix) {
+  Pose pose;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) pose.rotation[3 * row + column] = matrix[row][column];
+    pose.translation[row] = matrix[row][3];
+  }
+  return pose;
+}
+
+class Assemble : public testing::Test {
+ protected:
+  Finished run(const PairFiles& pair, std::vector<std::string> options) const {
+    options.insert(options.begin(), {"assemble", pair.source, pair.reference});
+    return run_command(options);
+  }
+  Folder folder;
+  PairFiles copy = generate_files(folder, "copy");
+};
+
+TEST_F(Assemble, CompleteMatchRecoversTheTruth) {
+  for (const std::string seed : {"1", "2", "3"}) {
+    const PairFiles pair = generate_files(folder, "copy", "600", seed);
+    const std::string json = folder.path("result.json");
+    const Finished finished = run(pair, {"--complete-match", "--json", json, "--strict"});
+    ASSERT_EQ(finished.status, 0) << finished.err;
+    const Pose found = pose_of(read_json(json)["transform"]);
+    const Pose truth = pose_of(read_json(pair.truth)["T_reference_source"]);
+    EXPECT_LE(rotation_error_degrees(found, truth), 0.1);
+    EXPECT_LE(translation_error(found, truth), 1e-3);
+  }
+}
+
+TEST_F(Assemble, TextHasThePoseAndTheErrors) {
+  const Finished finished = run(copy, {"--complete-match", "--truth", copy.truth});
+  EXPECT_EQ(finished.status, 0);
+  EXPECT_EQ(finished.err, "");
+  for (const char* word :
+       {"T_reference_source", "status      ok", "overlap     100.0 %", "error       rotation"})
+    EXPECT_THAT(finished.out, HasSubstr(word));
+}
+
+TEST_F(Assemble, SaysThatItFallsBackWithoutAModel) {
+  const Finished fallback = run(copy, {"--json", "-"});
+  EXPECT_EQ(fallback.status, 0);
+  EXPECT_THAT(fallback.err, HasSubstr("no trained model"));
+  EXPECT_THAT(fallback.err, HasSubstr("complete matching"));
+  const Finished asked = run(copy, {"--json", "-", "--complete-match"});
+  EXPECT_THAT(asked.err, Not(HasSubstr("no trained model")));
+  auto a = nlohmann::json::parse(fallback.out), b = nlohmann::json::parse(asked.out);
+  EXPECT_EQ(a["transform"], b["transform"]);
+}
+
+TEST_F(Assemble, WarnsWhereCompleteMatchingDoesNotApply) {
+  const Finished finished = run(generate_files(folder, "fragments"), {"--complete-match"});
+  EXPECT_EQ(finished.status, 0);
+  EXPECT_THAT(finished.err, HasSubstr("no moved copy"));
+}
+
+TEST_F(Assemble, JsonHasTheKeysThatScriptsDependOn) {
+  const Finished finished = run(copy, {"--complete-match", "--json", "-", "--truth", copy.truth});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const auto json = nlohmann::json::parse(finished.out);
+  for (const char* key : {"transform", "rotation", "translation", "model", "backend", "device", "mode",
+                          "points", "key_points", "diagnostics", "refinement", "timing_ms"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* key : {"singular_values", "degenerate", "overlap", "inlier_rmse", "inlier_threshold",
+                          "swap_residual", "status", "reason", "rotation_gap"})
+    EXPECT_TRUE(json["diagnostics"].contains(key)) << key;
+  EXPECT_EQ(json["transform"].size(), 4u);
+  EXPECT_EQ(json["transform"][3], nlohmann::json({0.0, 0.0, 0.0, 1.0}));
+  EXPECT_EQ(json["rotation"].size(), 3u);
+  EXPECT_EQ(json["translation"].size(), 3u);
+  EXPECT_EQ(json["backend"], "cpu");
+  EXPECT_EQ(json["mode"], "scale-exact");
+  EXPECT_EQ(json["points"]["source"], 500);
+  EXPECT_EQ(json["points"]["reference"], 500);
+  EXPECT_EQ(json["key_points"]["source"].size(), 32u);
+  EXPECT_EQ(json["key_points"]["reference"][31].size(), 3u);
+  EXPECT_EQ(json["diagnostics"]["status"], "ok");
+  EXPECT_EQ(json["diagnostics"]["degenerate"], false);
+  EXPECT_EQ(json["diagnostics"]["overlap"], 1.0);
+  EXPECT_EQ(json["refinement"], nullptr);
+  EXPECT_GT(json["timing_ms"]["total"], json["timing_ms"]["knn"]);
+  EXPECT_LE(json["errors"]["rotation_degrees"], 0.1);
+}
+
+TEST_F(Assemble, JsonIsTheSameInEveryRunButForTimes) {
+  const auto result = [&](const std::string& threads) {
+    auto json = nlohmann::json::parse(
+        run(copy, {"--complete-match", "--json", "-", "--threads", threads, "--points", "300"}).out);
+    json.erase("timing_ms");
+    return json.dump();
+  };
+  const std::string once = result("1");
+  EXPECT_EQ(once, result("1"));
+  EXPECT_EQ(once, result("2"));
+}
+
+TEST_F(Assemble, AssembledCloudIsBothInTheReferencesFrame) {
+  const std::string output = folder.path("assembled.ply"), json = folder.path("result.json");
+  ASSERT_EQ(run(copy, {"--complete-match", "-o", output, "--json", json}).status, 0);
+  const PointCloud joined = io::read_cloud(output).value();
+  const PointCloud source = io::read_cloud(copy.source).value(),
+                   reference = io::read_cloud(copy.reference).value();
+  const Pose pose = pose_of(read_json(json)["transform"]);
+  ASSERT_EQ(joined.size(), 1000u);
+  ASSERT_EQ(joined.normals.size(), 1000u);
+  ASSERT_EQ(joined.colors.size(), 1000u);
+  for (std::size_t i = 0; i < 500; ++i) {
+    const Vec3d moved = pose.apply(source.positions[i]);
+    const Vec3f& n = source.normals[i];
+    const Vec3d turned = pose.rotate({n[0], n[1], n[2]});
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(joined.positions[i][axis], moved[axis], 1e-12);
+      EXPECT_NEAR(joined.normals[i][axis], turned[axis], 1e-6);
+    }
+    EXPECT_EQ(joined.positions[500 + i], reference.positions[i]);
+    EXPECT_EQ(joined.colors[i], joined.colors[0]);
+    EXPECT_EQ(joined.colors[500 + i], joined.colors[500]);
+  }
+  EXPECT_NE(joined.colors[0], joined.colors[500]);
+}
+
+TEST_F(Assemble, KeepsColoursThatBothCloudsHave) {
+  PointCloud source = io::read_cloud(copy.source).value(), reference = io::read_cloud(copy.reference).value();
+  source.colors.assign(source.size(), {1, 0, 0});
+  reference.colors.assign(reference.size(), {0, 1, 0});
+  const PairFiles coloured = {folder.path("red.ply"), folder.path("green.ply"), {}};
+  ASSERT_TRUE(io::write_ply(coloured.source, source));
+  ASSERT_TRUE(io::write_ply(coloured.reference, reference));
+  ASSERT_EQ(run(coloured, {"--complete-match", "-o", folder.path("both.ply")}).status, 0);
+  const PointCloud joined = io::read_cloud(folder.path("both.ply")).value();
+  EXPECT_EQ(joined.colors.front(), (Vec3f{1, 0, 0}));
+  EXPECT_EQ(joined.colors.back(), (Vec3f{0, 1, 0}));
+}
+
+TEST_F(Assemble, SamplesMeshesOfTheSameShapeAtTheSamePoints) {
+  // A tetrahedron with four different edges, and the same one moved by half a turn about z and along x.
+  const std::string tail = "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+  const PairFiles mesh = {folder.write("a.obj", "v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0.5 0.3 1\n" + tail),
+                          folder.write("b.obj", "v 5 0 0\nv 2 0 0\nv 5 -2 0\nv 4.5 -0.3 1\n" + tail),
+                          {}};
+  const Finished finished = run(mesh, {"--complete-match", "--points", "400", "--json", "-"});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const auto json = nlohmann::json::parse(finished.out);
+  EXPECT_EQ(json["points"]["source"], 400);
+  EXPECT_LE(rotation_error_degrees(pose_of(json["transform"]), {{-1, 0, 0, 0, -1, 0, 0, 0, 1}, {5, 0, 0}}),
+            0.1);
+}
+
+TEST_F(Assemble, VerifyComparesEveryStage) {
+  const Finished finished = run(copy, {"--complete-match", "--verify", "--json", folder.path("v.json")});
+  EXPECT_EQ(finished.status, 0) << finished.err;
+  EXPECT_THAT(finished.out, HasSubstr("out.R"));
+  EXPECT_THAT(finished.out, Not(HasSubstr("BEYOND")));
+  EXPECT_GT(read_json(folder.path("v.json"))["verification"].size(), 5u);
+}
+
+TEST_F(Assemble, AsDefinedAndDoublePrecisionAgreeWithTheRest) {
+  const auto pose = [&](std::vector<std::string> options) {
+    options.insert(options.end(), {"--complete-match", "--json", "-"});
+    const Finished finished = run(copy, options);
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    return pose_of(nlohmann::json::parse(finished.out)["transform"]);
+  };
+  const Pose folded = pose({});
+  EXPECT_LE(rotation_error_degrees(folded, pose({"--precision", "f64"})), 0.02);
+  EXPECT_LE(rotation_error_degrees(folded, pose({"--precision", "f64", "--as-defined"})), 0.02);
+}
+
+TEST_F(Assemble, StrictRefusesAPoseThatIsNotDetermined) {
+  // Points on a line: a turn about it changes nothing.
+  std::string line;
+  for (int i = 0; i < 100; ++i) line += std::to_string(i + 0.3 * std::sin(i)) + " 0 0\n";
+  const PairFiles pair = {folder.write("line.xyz", line), folder.write("line_too.xyz", line), {}};
+  const std::string output = folder.path("line.ply"), json = folder.path("line.json");
+  const Finished lenient = run(pair, {"--complete-match", "-o", output});
+  EXPECT_EQ(lenient.status, 0) << lenient.err;
+  EXPECT_THAT(lenient.err, HasSubstr("not determined"));
+  EXPECT_THAT(lenient.out, HasSubstr("degenerate"));
+  std::filesystem::remove(output);
+  const Finished strict = run(pair, {"--complete-match", "--strict", "-o", output, "--json", json});
+  EXPECT_EQ(strict.status, 1);
+  EXPECT_THAT(strict.err, HasSubstr("not determined"));
+  EXPECT_FALSE(std::filesystem::exists(output));
+  EXPECT_FALSE(std::filesystem::exists(json));
+}
+
+}  // namespace
+}  // namespace bitr::test

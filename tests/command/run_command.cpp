@@ -1,0 +1,87 @@
+#include "run_command.hpp"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+extern char** environ;
+
+namespace bitr::test {
+
+Finished run_command(const std::vector<std::string>& arguments) {
+  const Folder folder;
+  const std::string out = folder.path("out"), err = folder.path("err");
+  std::vector<std::string> words = {BITR_COMMAND};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT, 0600);
+  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT, 0600);
+  pid_t child = 0;
+  const int spawned = posix_spawn(&child, BITR_COMMAND, &actions, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  EXPECT_EQ(spawned, 0) << BITR_COMMAND;
+  if (spawned != 0) return {};
+
+  int state = 0;
+  waitpid(child, &state, 0);
+  return {WIFEXITED(state) ? WEXITSTATUS(state) : 128 + WTERMSIG(state), read_text(out), read_text(err)};
+}
+
+Folder::Folder() {
+  std::string pattern = (std::filesystem::temp_directory_path() / "bitr_command_XXXXXX").string();
+  EXPECT_NE(mkdtemp(pattern.data()), nullptr);
+  root_ = pattern;
+}
+
+Folder::~Folder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(root_, ignored);
+}
+
+std::string Folder::write(const std::string& name, const std::string& content) const {
+  std::ofstream(path(name), std::ios::binary) << content;
+  return path(name);
+}
+
+std::vector<std::string> Folder::names() const {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(root_))
+    names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string read_text(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  EXPECT_TRUE(file) << path;
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+nlohmann::json read_json(const std::string& path) {
+  auto json = nlohmann::json::parse(read_text(path), nullptr, false);
+  EXPECT_FALSE(json.is_discarded()) << path;
+  return json;
+}
+
+PairFiles generate_files(const Folder& folder, const std::string& kind, const std::string& points,
+                         const std::string& seed) {
+  const Finished made = run_command(
+      {"generate", kind, "--out", folder.path(), "--count", "1", "--seed", seed, "--points", points});
+  EXPECT_EQ(made.status, 0) << made.err;
+  const std::string name = folder.path(kind + "_000_");
+  return {name + "source.ply", name + "reference.ply", name + "truth.json"};
+}
+
+}  // namespace bitr::test

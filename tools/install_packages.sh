@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that a build needs; calls apt only when one is missing.
+#   tools/install_packages.sh [build|test]
+set -euo pipefail
+
+packages=(g++ cmake ninja-build libeigen3-dev libexpected-dev libnanoflann-dev nlohmann-json3-dev libzip-dev
+          liblzf-dev libcli11-dev)
+if [[ ${1:-build} == test ]]; then
+  packages+=(libgtest-dev libgmock-dev libbenchmark-dev)
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  status=$(dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null || true)
+  [[ $status == installed ]] || missing+=("$package")
+done
+if ((${#missing[@]} == 0)); then
+  exit 0
+fi
+
+echo "Installing ${missing[*]}"
+as_root=()
+if ((EUID != 0)); then
+  as_root=(sudo)
+fi
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
