@@ -8,25 +8,6 @@
 namespace bitr::cpu {
 namespace {
 
-template <class T>
-using Matrix = typename PointCoefficients<T>::Matrix;
-
-// y += M x over the first `columns` columns, x strided.
-template <class T>
-void add_columns(const Matrix<T>& M, Eigen::Index columns, const T* x, std::ptrdiff_t x_stride, T* y) {
-  const Eigen::Index rows = M.rows();
-  for (Eigen::Index c = 0; c < columns; ++c) {
-    const T factor = x[c * x_stride];
-    const T* column = M.data() + c * rows;
-    for (Eigen::Index r = 0; r < rows; ++r) y[r] += factor * column[r];
-  }
-}
-
-template <class T>
-void add_product(const Matrix<T>& M, const T* x, std::ptrdiff_t x_stride, T* y) {
-  add_columns<T>(M, M.cols(), x, x_stride, y);
-}
-
 // One point's edges, one lane each (Width ≥ k lanes; the rest carry no weight).
 template <class T, int Width>
 class PointRow {
@@ -37,7 +18,7 @@ class PointRow {
       : op_(op), plane_(plane), k_(k), n0_(op.n0()), n1_(op.m1 > 0 ? op.n1() : 0), z0_(op.c0 + 1),
         z1_(op.m1 > 0 ? op.c1 : 0), feature_(op.c0 + 3 * op.c1), phi0_(n0_), phi1_(3 * n1_),
         zero_feature_(op.c0 + 3 * op.c1), weight_(op.heads), query_(op.heads * std::max(n0_ + 3 * n1_, z0_ + 3 * z1_)),
-        sum_(query_.size()) {}
+        sum_(query_.size()), component_(op.c1) {}
 
   void evaluate(const PointCoefficients<T>& coefficients, const PointInputs<T>& in, std::size_t row) {
     const bool duplicates = gather(in, row);
@@ -126,28 +107,28 @@ class PointRow {
   }
 
   // Adds ⟨Q_h, φ_j⟩ to the logits, Q = M f.
-  void score(const Matrix<T>& M0, const Matrix<T>& M1,
+  void score(const SmallMatrix<T>& M0, const SmallMatrix<T>& M1,
              const T* own, const Buffer& phi0, int n0, const Buffer& phi1, int n1) {
     const int heads = op_.heads;
     std::fill(query_.begin(), query_.end(), T{0});
-    constant_product(M0, own, query_.data());
+    M0.add_affine(own, query_.data());
     T* query1 = query_.data() + heads * n0;
-    if (M1.size())
-      for (int a = 0; a < 3; ++a) add_product<T>(M1, own + op_.c0 + a, 3, query1 + a * heads * n1);
+    if (!M1.empty())
+      for (int a = 0; a < 3; ++a) M1.add_product(component(own, a), query1 + a * heads * n1);
     for (int h = 0; h < heads; ++h) {
       Edges logit = weight_[h];
       for (int p = 0; p < n0; ++p) logit += query_[h * n0 + p] * phi0[p];
-      if (M1.size())
+      if (!M1.empty())
         for (int a = 0; a < 3; ++a)
           for (int p = 0; p < n1; ++p) logit += query1[(a * heads + h) * n1 + p] * phi1[a * n1 + p];
       weight_[h] = logit;
     }
   }
 
-  // M [f⁰ ; 1]
-  void constant_product(const Matrix<T>& M, const T* own, T* y) const {
-    add_columns<T>(M, op_.c0, own, 1, y);
-    for (Eigen::Index r = 0; r < M.rows(); ++r) y[r] += M(r, op_.c0);
+  // Component a of the vectors f¹, channel by channel.
+  const T* component(const T* own, int a) {
+    for (int c = 0; c < op_.c1; ++c) component_[c] = own[op_.c0 + 3 * c + a];
+    return component_.data();
   }
 
   void score_zero(const PointCoefficients<T>& coefficients, const T* own) {
@@ -172,30 +153,22 @@ class PointRow {
     }
   }
 
-  void self(const PointCoefficients<T>& coefficients, const T* own, T* out) const {
-    constant_product(coefficients.S0, own, out);
-    if (op_.m1 == 0 || !coefficients.S1.size()) return;
-    for (int a = 0; a < 3; ++a) add_vector_product(coefficients.S1, own + op_.c0 + a, 3, out, a);
+  void self(const PointCoefficients<T>& coefficients, const T* own, T* out) {
+    coefficients.S0.add_affine(own, out);
+    if (coefficients.S1.empty()) return;
+    for (int a = 0; a < 3; ++a) coefficients.S1.add_product(component(own, a), out + op_.m0 + a, 3);
   }
 
-  // out¹[·, a] += M x
-  void add_vector_product(const Matrix<T>& M, const T* x, std::ptrdiff_t stride, T* out,
-                          int a) const {
-    T column[256] = {};
-    add_product<T>(M, x, stride, column);
-    for (int c = 0; c < op_.m1; ++c) out[op_.m0 + 3 * c + a] += column[c];
-  }
-
-  void aggregate(const Matrix<T>& O0, const Matrix<T>& O1,
+  void aggregate(const SmallMatrix<T>& O0, const SmallMatrix<T>& O1,
                  const Buffer& phi0, int n0, const Buffer& phi1, int n1, T* out) {
     const int heads = op_.heads;
     for (int h = 0; h < heads; ++h)
       for (int p = 0; p < n0; ++p) sum_[h * n0 + p] = (weight_[h] * phi0[p]).sum();
-    add_product<T>(O0, sum_.data(), 1, out);
+    O0.add_product(sum_.data(), out);
     for (int a = 0; a < 3 && n1 > 0; ++a) {
       for (int h = 0; h < heads; ++h)
         for (int p = 0; p < n1; ++p) sum_[h * n1 + p] = (weight_[h] * phi1[a * n1 + p]).sum();
-      add_vector_product(O1, sum_.data(), 1, out, a);
+      O1.add_product(sum_.data(), out + op_.m0 + a, 3);
     }
   }
 
@@ -208,7 +181,7 @@ class PointRow {
   const RowMatrix<T>& plane_;
   const int k_, n0_, n1_, z0_, z1_;
   Buffer feature_, phi0_, phi1_, zero_feature_, zero_phi0_, zero_phi1_, weight_;
-  std::vector<T> query_, sum_;
+  std::vector<T> query_, sum_, component_;
   Edges direction_[3], zero_;
 };
 
@@ -223,15 +196,15 @@ void rows_of_width(const ops::PointAttention& op, const PointCoefficients<T>& co
 
 template <class T>
 PointCoefficients<T>::PointCoefficients(const ops::PointAttention& op)
-    : M0(op.M0.cast<T>()), M1(op.M1.cast<T>()), O0(op.O0.cast<T>()), O1(op.O1.cast<T>()), S0(op.S0.cast<T>()),
-      S1(op.S1.cast<T>()), Mz0(op.Mz0.cast<T>()), Mz1(op.Mz1.cast<T>()), Oz0(op.Oz0.cast<T>()), Oz1(op.Oz1.cast<T>()) {}
+    : M0(op.M0), M1(op.M1), O0(op.O0), O1(op.O1), S0(op.S0), S1(op.S1), Mz0(op.Mz0), Mz1(op.Mz1), Oz0(op.Oz0),
+      Oz1(op.Oz1) {}
 
 template <class T>
 PointCoefficients<T>::PointCoefficients(const ops::PointAttention& op, const T* row) {
   const auto take = [&row](int rows, int cols) {
     const Eigen::Map<const RowMatrix<T>> block(row, rows, cols);
     row += rows * cols;
-    return Matrix(block);
+    return SmallMatrix<T>(block);
   };
   const int from = op.c0 + 1, paths = op.heads * op.n0(), zero_paths = op.heads * from;
   M0 = take(paths, from);

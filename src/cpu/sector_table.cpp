@@ -1,6 +1,8 @@
 #include "cpu/sector_table.hpp"
 
 #include <cmath>
+#include <cstdint>
+#include <type_traits>
 
 namespace bitr::cpu {
 
@@ -29,9 +31,10 @@ Sectors<T>::Sectors(const ops::SectorTable& table)
 
 template <class T>
 std::size_t Sectors<T>::find(T r1, T r2) const {
-  std::size_t sector = 0;
+  // As wide as T, so that the count vectorises with the comparison.
+  std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t> sector = 0;
   for (std::size_t i = 0; i < ray_cos_.size(); ++i) sector += r2 * ray_cos_[i] > r1 * ray_sin_[i];
-  return sector;
+  return static_cast<std::size_t>(sector);
 }
 
 template <class T>
