@@ -1,5 +1,5 @@
-// Compiled without contraction into fused multiply-adds, so that brute force and the tree see the same bits and
-// ties are ties in both.
+// Compiled without contraction into fused multiply-adds, so that brute force and the tree see the same bits
+// and ties are ties in both.
 #include <algorithm>
 #include <bit>
 #include <limits>
@@ -12,7 +12,8 @@ namespace bitr::cpu {
 namespace {
 
 // Above this many references per cloud a k-d tree beats brute force (measured; docs/performance.md).
-constexpr std::size_t brute_force_limit = 3000;
+constexpr std::size_t brute_force_limit = 200;
+constexpr std::size_t leaf_points = 20;
 
 template <class T>
 struct Candidate {
@@ -56,7 +57,9 @@ struct Coordinates {
   std::vector<T> values;
 
   Coordinates(const T* points, std::size_t n, int dimension)
-      : dim(dimension), count(n), padded((n + 4 * lane_count - 1) / (4 * lane_count) * (4 * lane_count)),
+      : dim(dimension),
+        count(n),
+        padded((n + 4 * lane_count - 1) / (4 * lane_count) * (4 * lane_count)),
         values(padded * dimension, std::numeric_limits<T>::infinity()) {
     for (std::size_t i = 0; i < n; ++i)
       for (int a = 0; a < dim; ++a) values[a * padded + i] = points[i * dim + a];
@@ -66,7 +69,8 @@ struct Coordinates {
 template <class T>
 class BruteForce {
  public:
-  BruteForce(const Coordinates<T>& points, int k) : points_(points), k_(k), distance_(points.padded), near_(points.padded + 1) {}
+  BruteForce(const Coordinates<T>& points, int k)
+      : points_(points), k_(k), distance_(points.padded), near_(points.padded + 1) {}
 
   // `self`: reference to leave out; ≥ count for none.
   void search(const T* query, std::size_t self, std::uint32_t base, std::uint32_t* out) {
@@ -83,7 +87,8 @@ class BruteForce {
     }
     found_.clear();
     for (std::size_t i = 0; i < count; ++i) found_.emplace_back(Candidate<T>{distance_[near_[i]], near_[i]});
-    if (count > 2 * static_cast<std::size_t>(k_)) std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
+    if (count > 2 * static_cast<std::size_t>(k_))
+      std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
     std::sort(found_.begin(), found_.begin() + std::min<std::size_t>(count, 2 * k_));
     for (int i = 0; i < k_; ++i) out[i] = base + index_of<T>(found_[i]);
   }
@@ -93,18 +98,20 @@ class BruteForce {
     for (std::size_t i = 0; i < points_.padded; i += lane_count) {
       Lanes<T> sum = Lanes<T>::Zero();
       for (int a = 0; a < points_.dim; ++a) {
-        const Lanes<T> d = query[a] - Eigen::Map<const Lanes<T>>(points_.values.data() + a * points_.padded + i);
+        const Lanes<T> d =
+            query[a] - Eigen::Map<const Lanes<T>>(points_.values.data() + a * points_.padded + i);
         sum += d * d;
       }
       Eigen::Map<Lanes<T>>(distance_.data() + i) = sum;
     }
   }
 
-  // An upper bound of the k-th smallest distance: split the points into at least k groups; k group minima are k
-  // distances. Without enough groups every point is a candidate.
+  // An upper bound of the k-th smallest distance: split the points into at least k groups; k group minima are
+  // k distances. Without enough groups every point is a candidate.
   T bound() {
     const std::size_t vectors = points_.padded / lane_count;
-    const std::size_t span = std::max<std::size_t>(1, vectors * lane_count / (static_cast<std::size_t>(k_) * 3));
+    const std::size_t span =
+        std::max<std::size_t>(1, vectors * lane_count / (static_cast<std::size_t>(k_) * 2));
     const std::size_t chunks = (vectors + span - 1) / span;
     if (chunks * lane_count < static_cast<std::size_t>(k_)) return std::numeric_limits<T>::infinity();
     minima_.resize(chunks * lane_count);
@@ -162,8 +169,8 @@ struct SquaredDistance {
 template <class T>
 using Tree = nanoflann::KDTreeSingleIndexAdaptor<SquaredDistance<T>, PointRows<T>, 3, std::uint32_t>;
 
-// Keeps the k least (distance, index). The reported worst distance is widened so that the tree's rounded bounds
-// never prune a tie.
+// Keeps the k least (distance, index). The reported worst distance is widened so that the tree's rounded
+// bounds never prune a tie.
 template <class T>
 class NearestSet {
  public:
@@ -174,14 +181,19 @@ class NearestSet {
   bool addPoint(T distance, std::uint32_t index) {
     if (index == self_) return true;
     const Candidate<T> candidate{distance, index};
-    if (full() && !(candidate < found_.back())) return true;
-    found_.insert(std::upper_bound(found_.begin(), found_.end(), candidate), candidate);
-    if (found_.size() > static_cast<std::size_t>(k_)) found_.pop_back();
+    if (!full())
+      found_.push_back(candidate);
+    else if (!(candidate < found_.back()))
+      return true;
+    std::size_t i = found_.size() - 1;
+    for (; i > 0 && candidate < found_[i - 1]; --i) found_[i] = found_[i - 1];
+    found_[i] = candidate;
     return true;
   }
   T worstDist() const {
     if (!full()) return std::numeric_limits<T>::max();
-    return distance_of<T>(found_.back()) * (1 + 16 * std::numeric_limits<T>::epsilon()) + std::numeric_limits<T>::min();
+    return distance_of<T>(found_.back()) * (1 + 16 * std::numeric_limits<T>::epsilon()) +
+           std::numeric_limits<T>::min();
   }
   const std::vector<Candidate<T>>& found() const { return found_; }
   void reset(std::uint32_t self) {
@@ -203,7 +215,8 @@ class KnnKernel : public Kernel<T> {
   void run(const Arguments& args) const override {
     const Slot queries = args.in[0], references = args.in[1];
     for (std::uint32_t segment = 0; segment < args.layout.segments(queries.rows); ++segment) {
-      const std::size_t q0 = args.layout.begin(queries.rows, segment), q1 = args.layout.begin(queries.rows, segment + 1);
+      const std::size_t q0 = args.layout.begin(queries.rows, segment),
+                        q1 = args.layout.begin(queries.rows, segment + 1);
       const std::size_t r0 = args.layout.begin(references.rows, segment);
       const std::size_t n = args.layout.begin(references.rows, segment + 1) - r0;
       search(args.pool, queries.as<T>() + q0 * op_.dim, q1 - q0, references.as<T>() + r0 * op_.dim, n,
@@ -212,32 +225,36 @@ class KnnKernel : public Kernel<T> {
   }
 
  private:
-  void search(ThreadPool& pool, const T* queries, std::size_t query_count, const T* references, std::size_t count,
-              std::uint32_t base, std::uint32_t* out) const {
+  void search(ThreadPool& pool, const T* queries, std::size_t query_count, const T* references,
+              std::size_t count, std::uint32_t base, std::uint32_t* out) const {
     constexpr std::size_t none = std::numeric_limits<std::uint32_t>::max();
     const auto self = [&](std::size_t q) { return op_.exclude_self ? q : none; };
     if (op_.dim != 3 || count <= brute_force_limit || query_count * 64 < count) {
       const Coordinates<T> points(references, count, op_.dim);
-      pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64), [&](std::size_t q0, std::size_t q1) {
-        BruteForce<T> search(points, op_.k);
-        for (std::size_t q = q0; q < q1; ++q)
-          search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
-      });
+      pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64),
+                        [&](std::size_t q0, std::size_t q1) {
+                          BruteForce<T> search(points, op_.k);
+                          for (std::size_t q = q0; q < q1; ++q)
+                            search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
+                        });
       return;
     }
     const PointRows<T> rows{references, count};
-    const Tree<T> tree(3, rows, {10});
-    // A cloud that searches itself does so in the order of the tree's leaves: near queries visit the same nodes.
+    const Tree<T> tree(3, rows, {leaf_points});
+    // A cloud that searches itself does so in the order of the tree's leaves: near queries visit the same
+    // nodes.
     const bool leaf_order = op_.exclude_self;
-    pool.parallel_for(query_count, 512, [&](std::size_t first, std::size_t last) {
-      NearestSet<T> nearest(op_.k, 0);
-      for (std::size_t i = first; i < last; ++i) {
-        const std::size_t q = leaf_order ? tree.vAcc[i] : i;
-        nearest.reset(static_cast<std::uint32_t>(self(q)));
-        tree.findNeighbors(nearest, queries + 3 * q, {});
-        for (int j = 0; j < op_.k; ++j) out[q * op_.k + j] = base + index_of<T>(nearest.found()[j]);
-      }
-    });
+    pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 16, 16, 512),
+                      [&](std::size_t first, std::size_t last) {
+                        NearestSet<T> nearest(op_.k, 0);
+                        for (std::size_t i = first; i < last; ++i) {
+                          const std::size_t q = leaf_order ? tree.vAcc[i] : i;
+                          nearest.reset(static_cast<std::uint32_t>(self(q)));
+                          tree.findNeighbors(nearest, queries + 3 * q, {});
+                          for (int j = 0; j < op_.k; ++j)
+                            out[q * op_.k + j] = base + index_of<T>(nearest.found()[j]);
+                        }
+                      });
   }
 
   const ops::Knn op_;
