@@ -34,6 +34,10 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
+    // An unknown command comes out as a missing one.
+    const auto unknown = app.remaining(true);
+    if (error.get_name() == "RequiredError" && !unknown.empty())
+      return complain(bad_usage, "\"" + unknown.front() + "\" is not known here; see --help");
     return complain(bad_usage, error.what());
   }
   for (const Command& command : commands)

@@ -1,0 +1,20 @@
+# Configures, builds and runs the consumer of KIND in WORK.
+function(run)
+  execute_process(COMMAND ${ARGN} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
+endfunction()
+
+file(REMOVE_RECURSE ${WORK})
+set(options -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_CXX_FLAGS=${FLAGS})
+if(KIND STREQUAL installed)
+  run(${CMAKE_COMMAND} --install ${BITR_BUILD} --prefix ${WORK}/prefix)
+  list(APPEND options -DCMAKE_BUILD_TYPE=${BUILD_TYPE} -DCMAKE_PREFIX_PATH=${WORK}/prefix)
+  foreach(private Eigen3 nanoflann nlohmann_json)
+    list(APPEND options -DCMAKE_DISABLE_FIND_PACKAGE_${private}=ON)
+  endforeach()
+else()
+  # Not optimised: this is about building, and the whole library is built again.
+  list(APPEND options -DBITR_SOURCE=${BITR_SOURCE})
+endif()
+run(${CMAKE_COMMAND} -G ${GENERATOR} -S ${CMAKE_CURRENT_LIST_DIR}/${KIND} -B ${WORK}/build ${options})
+run(${CMAKE_COMMAND} --build ${WORK}/build)
+run(${WORK}/build/consumer)
