@@ -108,7 +108,7 @@ int run(Options& options) {
   const AssembleOptions how = {
       .complete_match = options.complete_match, .diagnostics = true, .swap_residual = true};
   const Device device = cpu_device(static_cast<unsigned>(options.run.threads));
-  auto plan = make_plan(device, *model, shape_of({&pair, 1}, how), options.run.plan);
+  auto plan = make_plan(device, *model, shape_of({&pair, 1}), options.run.plan);
   if (!plan) return complain(plan.error(), which);
   auto assemblies = assemble(*plan, {&pair, 1}, how);
   if (!assemblies) return complain(assemblies.error(), which);

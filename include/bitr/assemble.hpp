@@ -40,11 +40,11 @@ struct BatchShape {
 struct AssembleOptions {
   bool complete_match = false;  ///< return f(X,Y)∘f(X,X): exact when Y is a moved copy of X, for any weights
   bool diagnostics = true;      ///< overlap and inlier RMSE (needs neighbour searches between the clouds)
-  bool swap_residual = false;   ///< also evaluate f(Y,X), which doubles the work
+  bool swap_residual = false;   ///< also evaluate f(Y,X): as much work again
 };
 
-/// The capacity that `assemble` needs for these pairs with these options.
-BatchShape shape_of(std::span<const CloudPair> pairs, const AssembleOptions& options = {});
+/// The capacity that `assemble` needs for these pairs, whatever its options.
+BatchShape shape_of(std::span<const CloudPair> pairs);
 
 enum class Status {
   ok,
@@ -87,7 +87,7 @@ class Plan {
   BatchShape capacity() const;
   std::size_t workspace_bytes() const;            ///< memory held for tensors between operations
   std::size_t operation_count() const;            ///< operations a forward pass runs
-  const std::vector<StageTime>& timings() const;  ///< of the last forward pass
+  const std::vector<StageTime>& timings() const;  ///< of the last assemble(), summed over its forward passes
 
   struct Impl;
   explicit Plan(std::unique_ptr<Impl> impl);

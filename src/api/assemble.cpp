@@ -59,23 +59,47 @@ double residual(const Pose& pose, double size) {
   return std::sqrt(sum);
 }
 
-// What a caller's pairs become before the network: each pair, then what complete matching and the swap need.
-std::vector<CloudPair> evaluated_pairs(std::span<const CloudPair> pairs, const AssembleOptions& options) {
-  std::vector<CloudPair> all(pairs.begin(), pairs.end());
-  if (options.complete_match)
-    for (const CloudPair& pair : pairs) all.push_back({pair.source, pair.source});
-  if (options.swap_residual)
-    for (const CloudPair& pair : pairs) all.push_back({pair.reference, pair.source});
-  return all;
+// One forward pass over pairs, in the clouds' own frames.
+struct Pass {
+  PackedBatch batch;
+  std::vector<RawPose> raw;
+  std::vector<Pose> poses;
+  std::vector<double> key_points;
+};
+
+Result<Pass> forward(Plan::Impl& plan, std::span<const CloudPair> pairs) {
+  auto batch = pack(plan, pairs);
+  if (!batch) return tl::unexpected(batch.error());
+  Pass pass;
+  pass.batch = std::move(*batch);
+  plan.run(pass.batch);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    pass.raw.push_back(plan.raw_pose(i));
+    pass.poses.push_back(uncentred(pass.raw[i].T_reference_source, pass.batch.centroids[i],
+                                   pass.batch.centroids[pairs.size() + i]));
+  }
+  pass.key_points = plan.runner->tensor(plan.runner->graph().key_points);
+  return pass;
+}
+
+// Another pass over pairs made from the caller's, whose clouds have been checked.
+template <class Make>
+Result<std::vector<Pose>> forward_poses(Plan::Impl& plan, std::span<const CloudPair> pairs, Make make) {
+  std::vector<CloudPair> made;
+  for (const CloudPair& pair : pairs) made.push_back(make(pair));
+  auto pass = forward(plan, made);
+  if (!pass) return tl::unexpected(pass.error());
+  return std::move(pass->poses);
 }
 
 }  // namespace
 
-BatchShape shape_of(std::span<const CloudPair> pairs, const AssembleOptions& options) {
-  BatchShape shape{0, 0};
-  for (const CloudPair& pair : evaluated_pairs(pairs, options)) {
-    ++shape.pairs;
-    shape.points += pair.source.positions.count + pair.reference.positions.count;
+BatchShape shape_of(std::span<const CloudPair> pairs) {
+  BatchShape shape{pairs.size(), 0};
+  for (const CloudPair& pair : pairs) {
+    const std::size_t source = pair.source.positions.count, reference = pair.reference.positions.count;
+    // Complete matching also assembles the source with itself.
+    shape.points += source + std::max(source, reference);
   }
   return shape;
 }
@@ -83,26 +107,25 @@ BatchShape shape_of(std::span<const CloudPair> pairs, const AssembleOptions& opt
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs, const AssembleOptions& options) {
   if (pairs.empty()) return std::vector<Assembly>();
   Plan::Impl& impl = plan.impl();
-  // Checked alone first, so that an error names the caller's pair.
-  if (auto ok = pack(impl, pairs); !ok) return tl::unexpected(ok.error());
-  const std::vector<CloudPair> all = evaluated_pairs(pairs, options);
-  const auto batch = pack(impl, all);
-  if (!batch) return tl::unexpected(batch.error());
-  impl.run(*batch);
+  impl.timings.clear();
+  // One after the other, so that options cost time and not memory.
+  const auto pass = forward(impl, pairs);
+  if (!pass) return tl::unexpected(pass.error());
+  Result<std::vector<Pose>> own, swapped;
+  if (options.complete_match)
+    own = forward_poses(impl, pairs, [](const CloudPair& pair) { return CloudPair{pair.source, pair.source}; });
+  if (options.swap_residual)
+    swapped = forward_poses(impl, pairs, [](const CloudPair& pair) { return CloudPair{pair.reference, pair.source}; });
+  if (!own) return tl::unexpected(own.error());
+  if (!swapped) return tl::unexpected(swapped.error());
 
-  const std::size_t count = pairs.size(), clouds = all.size();
-  const auto keys = impl.runner->tensor(impl.runner->graph().key_points);
-  const auto pose = [&](std::size_t i) {
-    return uncentred(impl.raw_pose(i).T_reference_source, batch->centroids[i], batch->centroids[clouds + i]);
-  };
-  const std::size_t swapped = options.complete_match ? 2 * count : count;
-  std::vector<Assembly> assemblies(count);
-  for (std::size_t i = 0; i < count; ++i) {
+  std::vector<Assembly> assemblies(pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
     Assembly& assembly = assemblies[i];
-    assembly.T_reference_source = options.complete_match ? pose(i) * pose(count + i) : pose(i);
-    assembly.source_key_points = key_points(keys, *batch, i);
-    assembly.reference_key_points = key_points(keys, *batch, clouds + i);
-    judge(impl.raw_pose(i), assembly);
+    assembly.T_reference_source = options.complete_match ? pass->poses[i] * (*own)[i] : pass->poses[i];
+    assembly.source_key_points = key_points(pass->key_points, pass->batch, i);
+    assembly.reference_key_points = key_points(pass->key_points, pass->batch, pairs.size() + i);
+    judge(pass->raw[i], assembly);
     if (assembly.status == Status::failed) {
       assembly.T_reference_source.rotation.fill(std::nan(""));
       assembly.T_reference_source.translation.fill(std::nan(""));
@@ -110,7 +133,7 @@ Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pa
     }
     if (options.swap_residual)
       assembly.diagnostics.swap_residual =
-          residual(pose(i) * pose(swapped + i), diagonal(pairs[i].reference.positions));
+          residual(pass->poses[i] * (*swapped)[i], diagonal(pairs[i].reference.positions));
     if (options.diagnostics)
       measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
   }

@@ -117,9 +117,12 @@ RawPose Plan::Impl::raw_pose(std::size_t pair) const {
 
 void Plan::Impl::run(const PackedBatch& batch) {
   runner->run(batch, device.pool());
-  timings.clear();
   const auto& nodes = runner->graph().nodes;
-  for (std::size_t i = 0; i < nodes.size(); ++i) timings.push_back({nodes[i].name, runner->node_milliseconds()[i]});
+  timings.resize(nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    timings[i].stage = nodes[i].name;
+    timings[i].milliseconds += runner->node_milliseconds()[i];
+  }
 }
 
 Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs) {

@@ -46,7 +46,7 @@ struct Plan::Impl {
   std::vector<StageTime> timings;
 
   RawPose raw_pose(std::size_t pair) const;
-  /// Runs one batch and refreshes the timings.
+  /// Runs one batch and adds to the timings.
   void run(const PackedBatch& batch);
 };
 

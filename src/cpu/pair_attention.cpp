@@ -64,7 +64,7 @@ class PairRow {
   PairRow(const Prepared<T>& prepared, int k)
       : p_(prepared), k_(k), coefficient_(p_.op.coefficient_count), edge_(p_.op.coefficient_count),
         feature_(p_.op.fiber_in.size()), message_(p_.messages.size()), weight_(p_.op.heads),
-        query_(p_.op.key_fiber.size()), sum_(p_.op.value_fiber.size()) {}
+        query_(p_.op.key_fiber.size()), sum_(p_.op.value_fiber.size()), result_(p_.op.fiber_out.size()) {}
 
   void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row, T* out) {
     const std::size_t stride = feature_.size();
@@ -79,11 +79,14 @@ class PairRow {
     turn(p_.messages, frame_, message_.data(), false);
     const T* own = features + row * stride;
     attend(own);
-    project(own, out);
+    project(own, result_.data());
+    std::copy(result_.begin(), result_.end(), out);
   }
 
  private:
   using Buffer = std::vector<Edges, Eigen::aligned_allocator<Edges>>;
+  // Where Eigen writes: it starts its vectors at aligned addresses, so the address would show in the last bit.
+  using Numbers = std::vector<T, Eigen::aligned_allocator<T>>;
 
   void gather(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row) {
     const T* centre = positions + 6 * row;
@@ -162,9 +165,9 @@ class PairRow {
   const int k_;
   Frame<Edges> frame_[2];
   Buffer coefficient_;
-  std::vector<T> edge_;
+  Numbers edge_;
   Buffer feature_, message_, weight_;
-  std::vector<T> query_, sum_;
+  Numbers query_, sum_, result_;
 };
 
 template <class T>

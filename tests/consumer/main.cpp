@@ -18,7 +18,7 @@ int main() {
   if (!model) return std::fprintf(stderr, "%s\n", model.error().message.c_str()), 1;
   const std::vector<bitr::CloudPair> pairs = {{source, reference}};
   const bitr::AssembleOptions options = {.complete_match = true};
-  auto plan = bitr::make_plan(bitr::cpu_device(1), *model, bitr::shape_of(pairs, options));
+  auto plan = bitr::make_plan(bitr::cpu_device(1), *model, bitr::shape_of(pairs));
   if (!plan) return std::fprintf(stderr, "%s\n", plan.error().message.c_str()), 1;
   const auto assemblies = bitr::assemble(*plan, pairs, options);
   if (!assemblies) return std::fprintf(stderr, "%s\n", assemblies.error().message.c_str()), 1;
