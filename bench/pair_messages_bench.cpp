@@ -1,5 +1,5 @@
-// Two exact ways to evaluate the messages of a two-sided layer (degrees ≤ 1, 4 → 4 channels, 24 edges at once), given
-// the edges' radial coefficients:
+// Two exact ways to evaluate the messages of a two-sided layer (degrees ≤ 1, 4 → 4 channels, 24 edges at
+// once), given the edges' radial coefficients:
 //   frames   turn features into the edges' frames, where SO(2)×SO(2) leaves few terms, and the messages back
 //   factors  apply K_J of one side, then of the other, then mix channels (the product form of the kernel)
 #include <benchmark/benchmark.h>
@@ -61,8 +61,8 @@ void frames(benchmark::State& state) {
     for (Edges& m : messages) m.setZero();
     for (std::size_t b = 0; b < problem.blocks.size(); ++b) {
       const auto& block = problem.blocks[b];
-      cpu::add_messages(block, terms[b], &problem.coefficients[block.coefficients], &turned[fiber.offset(block.in)],
-                        &messages[fiber.offset(block.out)]);
+      cpu::add_messages(block, terms[b], &problem.coefficients[block.coefficients],
+                        &turned[fiber.offset(block.in)], &messages[fiber.offset(block.out)]);
     }
     cpu::turn(fiber, problem.frames, messages.data(), false);
     benchmark::DoNotOptimize(messages.data());
@@ -73,7 +73,8 @@ void frames(benchmark::State& state) {
 BENCHMARK(frames);
 
 // y_J = K_J(v) x for every J between two degrees ≤ 1; components `step` apart.
-int apply_side(int in, int out, const Buffer& v, const Edges* x, int step_in, Edges* y, int step_out, int step_J) {
+int apply_side(int in, int out, const Buffer& v, const Edges* x, int step_in, Edges* y, int step_out,
+               int step_J) {
   if (in == 0 && out == 0) {
     y[0] = x[0];
     return 1;
@@ -114,11 +115,13 @@ void factors(benchmark::State& state) {
         for (int J = 0; J < freq1; ++J)
           for (int i = 0; i < out1; ++i)
             freq2 = apply_side(in.q, out.q, problem.direction[1], &half[(J * out1 + i) * in2], 1,
-                               &product[J * (2 * std::min(in.q, out.q) + 1) * out.dim() + i * out2], 1, out.dim());
+                               &product[J * (2 * std::min(in.q, out.q) + 1) * out.dim() + i * out2], 1,
+                               out.dim());
         for (int f = 0; f < freq1 * freq2; ++f)
           for (int o = 0; o < block.out_channels; ++o) {
             const Edges& weight =
-                problem.coefficients[block.coefficients + (f * block.out_channels + o) * block.in_channels + c];
+                problem
+                    .coefficients[block.coefficients + (f * block.out_channels + o) * block.in_channels + c];
             Edges* to = &messages[fiber.offset(out) + o * out.dim()];
             for (int i = 0; i < out.dim(); ++i) to[i] += weight * product[f * out.dim() + i];
           }

@@ -16,8 +16,8 @@
 
 namespace bitr {
 
-/// Source X and reference Y, each in a frame and pose of its own, in the same units. N ≠ M is fine, and they need
-/// not overlap.
+/// Source X and reference Y, each in a frame and pose of its own, in the same units. N ≠ M is fine, and they
+/// need not overlap.
 struct CloudPair {
   CloudView source;
   CloudView reference;
@@ -57,12 +57,12 @@ struct Diagnostics {
   /// (s₂ ± s₃)/s₁ with the sign of det r̂: the distance of the rotation from being ambiguous, in [0, 2].
   double rotation_gap = 0;
   bool degenerate = false;
-  std::string reason;                         ///< empty when not degenerate
-  std::optional<double> overlap;              ///< share of source points with a reference point within the threshold
-  std::optional<double> inlier_rmse;          ///< over those points, in the clouds' units; empty if there are none
-  std::optional<double> inlier_threshold;     ///< twice the larger of the clouds' median neighbour distances
-  std::optional<double> swap_residual;        ///< |f(X,Y)∘f(Y,X) − I|, translations in units of the reference's
-                                              ///< diagonal: 0 but for rounding
+  std::string reason;                 ///< empty when not degenerate
+  std::optional<double> overlap;      ///< share of source points with a reference point within the threshold
+  std::optional<double> inlier_rmse;  ///< over those points, in the clouds' units; empty if there are none
+  std::optional<double> inlier_threshold;  ///< twice the larger of the clouds' median neighbour distances
+  std::optional<double> swap_residual;  ///< |f(X,Y)∘f(Y,X) − I|, translations in units of the reference's
+                                        ///< diagonal: 0 but for rounding
 };
 
 struct Assembly {
@@ -78,7 +78,8 @@ struct StageTime {
   double milliseconds = 0;
 };
 
-/// A model made ready for one device: folded weights, schedule and workspace. Belongs to one thread at a time.
+/// A model made ready for one device: folded weights, schedule and workspace. Belongs to one thread at a
+/// time.
 class Plan {
  public:
   const Model& model() const;
@@ -103,9 +104,10 @@ class Plan {
 Result<Plan> make_plan(const Device& device, const Model& model, const BatchShape& capacity,
                        const PlanOptions& options = {});
 
-/// Assembles every pair. Poses are computed relative to the clouds' centroids, so large coordinates lose nothing.
-/// `invalid_argument` when a cloud has fewer than k+1 points, a non-finite coordinate, no extent, lacks the normals
-/// or colours the model reads, or the batch exceeds the plan's capacity; the message names the pair and the cloud.
+/// Assembles every pair. Poses are computed relative to the clouds' centroids, so large coordinates lose
+/// nothing. `invalid_argument` when a cloud has fewer than k+1 points, a non-finite coordinate, no extent,
+/// lacks the normals or colours the model reads, or the batch exceeds the plan's capacity; the message names
+/// the pair and the cloud.
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options = {});
 
@@ -117,8 +119,8 @@ struct StageDifference {
   bool within() const { return difference <= bound; }
 };
 
-/// Runs the pair through the plan and, as defined and in double precision, through the CPU; compares every stage
-/// that both compute, and the rotation ("out.R") and translation ("out.t").
+/// Runs the pair through the plan and, as defined and in double precision, through the CPU; compares every
+/// stage that both compute, and the rotation ("out.R") and translation ("out.t").
 Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair);
 
 }  // namespace bitr

@@ -11,8 +11,8 @@ namespace cpu {
 class ThreadPool;
 }
 
-/// A handle to a backend and its threads; cheap to copy. Plans on one device may be used from different threads,
-/// one thread at a time per plan.
+/// A handle to a backend and its threads; cheap to copy. Plans on one device may be used from different
+/// threads, one thread at a time per plan.
 class Device {
  public:
   const std::string& name() const;  ///< the processor's model name, as the system gives it
@@ -25,7 +25,8 @@ class Device {
   std::shared_ptr<cpu::ThreadPool> pool_;
 };
 
-/// The CPU backend. `threads` = 0 takes every core the process may run on. Results do not depend on the number.
+/// The CPU backend. `threads` = 0 takes every core the process may run on. Results do not depend on the
+/// number.
 Device cpu_device(unsigned threads = 0);
 
 }  // namespace bitr

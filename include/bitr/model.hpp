@@ -20,11 +20,11 @@ struct Weights;
 /// Sizes of the network, by the official code's argument names (BITR, NeurIPS 2024). A fiber is a map from a
 /// degree of SO(3)×SO(3) to a number of channels.
 struct ModelConfig {
-  int num_channels = 4;          ///< channels of every degree inside the two-sided (6-D) network
-  int predict_head = 2;          ///< channels of degrees (1,0), (0,1), (1,1) that the head reduces; (0,0) has 4×
-  int num_layers = 2;            ///< hidden layers of the two-sided network
-  int feature_num_layers = 2;    ///< hidden layers of the feature extractor
-  int feature_max_deg = 1;       ///< highest degree in the extractor; 1 is the only value the model is defined for
+  int num_channels = 4;  ///< channels of every degree inside the two-sided (6-D) network
+  int predict_head = 2;  ///< channels of degrees (1,0), (0,1), (1,1) that the head reduces; (0,0) has 4×
+  int num_layers = 2;    ///< hidden layers of the two-sided network
+  int feature_num_layers = 2;  ///< hidden layers of the feature extractor
+  int feature_max_deg = 1;  ///< highest degree in the extractor; 1 is the only value the model is defined for
   int feature_num_channels = 4;  ///< channels of every degree in the extractor
   int div = 2;                   ///< values and keys have 1/div of a layer's output channels
   int heads = 2;                 ///< attention heads of the hidden layers ("head" in files)
@@ -42,18 +42,18 @@ struct ModelConfig {
 /// `invalid_argument` naming the field, its value and its range.
 Result<void> validate(const ModelConfig& config);
 
-/// Which numbers the norms use. `reference`: the official eps (1e-8 in LayerNorm, 1e-6 in the head's GraphNorm).
-/// `scale_exact`: eps = 0 in both, so that f(cX, cY) = (R, c t) holds to rounding.
+/// Which numbers the norms use. `reference`: the official eps (1e-8 in LayerNorm, 1e-6 in the head's
+/// GraphNorm). `scale_exact`: eps = 0 in both, so that f(cX, cY) = (R, c t) holds to rounding.
 enum class Mode { reference, scale_exact };
 
 class Model {
  public:
   const ModelConfig& config() const;
-  Mode mode() const;                     ///< the mode its file asks for; a plan may override it
-  const std::string& name() const;       ///< file stem, or "untrained(seed)"
-  bool trained() const;                  ///< false for untrained_model()
-  std::size_t parameter_count() const;   ///< trainable numbers, tied ones counted once
-  std::size_t tensor_count() const;      ///< trainable tensors, tied ones counted once
+  Mode mode() const;                    ///< the mode its file asks for; a plan may override it
+  const std::string& name() const;      ///< file stem, or "untrained(seed)"
+  bool trained() const;                 ///< false for untrained_model()
+  std::size_t parameter_count() const;  ///< trainable numbers, tied ones counted once
+  std::size_t tensor_count() const;     ///< trainable tensors, tied ones counted once
   const model::Weights& weights() const { return *weights_; }
 
   explicit Model(std::shared_ptr<const model::Weights> weights) : weights_(std::move(weights)) {}
@@ -67,9 +67,10 @@ struct ModelOptions {
   std::optional<Mode> mode;    ///< overrides the file's
 };
 
-/// Reads weights in safetensors form. Tensor names are the official state dict's; aliases may be present but must
-/// agree. The configuration comes from the metadata key "bitr.config" (JSON, official argument names); without it,
-/// from the shapes, and the mode is `reference`. `bad_file` names a missing, extra, misshapen or non-finite tensor.
+/// Reads weights in safetensors form. Tensor names are the official state dict's; aliases may be present but
+/// must agree. The configuration comes from the metadata key "bitr.config" (JSON, official argument names);
+/// without it, from the shapes, and the mode is `reference`. `bad_file` names a missing, extra, misshapen or
+/// non-finite tensor.
 Result<Model> load_model(std::span<const std::byte> safetensors, const ModelOptions& options = {});
 /// The same from a file; `io` when it cannot be read.
 Result<Model> load_model(const std::filesystem::path& path, const ModelOptions& options = {});

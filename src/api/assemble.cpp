@@ -34,8 +34,9 @@ void judge(const RawPose& raw, Assembly& assembly) {
   } else if (d.rotation_gap < least_rotation_gap) {
     assembly.status = Status::degenerate;
     d.degenerate = true;
-    d.reason = "the rotation is not determined: singular values " + std::to_string(s1) + ", " + std::to_string(s2) +
-               ", " + std::to_string(s3) + (raw.determinant > 0 ? "" : " with a reflection");
+    d.reason = "the rotation is not determined: singular values " + std::to_string(s1) + ", " +
+               std::to_string(s2) + ", " + std::to_string(s3) +
+               (raw.determinant > 0 ? "" : " with a reflection");
   }
 }
 
@@ -104,7 +105,8 @@ BatchShape shape_of(std::span<const CloudPair> pairs) {
   return shape;
 }
 
-Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs, const AssembleOptions& options) {
+Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
+                                       const AssembleOptions& options) {
   if (pairs.empty()) return std::vector<Assembly>();
   Plan::Impl& impl = plan.impl();
   impl.timings.clear();
@@ -113,9 +115,13 @@ Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pa
   if (!pass) return tl::unexpected(pass.error());
   Result<std::vector<Pose>> own, swapped;
   if (options.complete_match)
-    own = forward_poses(impl, pairs, [](const CloudPair& pair) { return CloudPair{pair.source, pair.source}; });
+    own = forward_poses(impl, pairs, [](const CloudPair& pair) {
+      return CloudPair{pair.source, pair.source};
+    });
   if (options.swap_residual)
-    swapped = forward_poses(impl, pairs, [](const CloudPair& pair) { return CloudPair{pair.reference, pair.source}; });
+    swapped = forward_poses(impl, pairs, [](const CloudPair& pair) {
+      return CloudPair{pair.reference, pair.source};
+    });
   if (!own) return tl::unexpected(own.error());
   if (!swapped) return tl::unexpected(swapped.error());
 

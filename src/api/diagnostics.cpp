@@ -22,7 +22,8 @@ struct Rows {
     return false;
   }
 };
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Rows>, Rows, 3, std::uint32_t>;
+using Tree =
+    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Rows>, Rows, 3, std::uint32_t>;
 
 std::vector<Vec3d> copy(const Vec3View& view) {
   std::vector<Vec3d> points(view.count);
@@ -30,8 +31,8 @@ std::vector<Vec3d> copy(const Vec3View& view) {
   return points;
 }
 
-// Median distance from a point to its nearest other place, over an even sample. Duplicates of a point are at its own
-// place; 0 when every sampled point has nothing but duplicates near.
+// Median distance from a point to its nearest other place, over an even sample. Duplicates of a point are at
+// its own place; 0 when every sampled point has nothing but duplicates near.
 double median_spacing(const Tree& tree, const std::vector<Vec3d>& points) {
   constexpr std::size_t looked_at = 8;
   const std::size_t step = std::max<std::size_t>(1, points.size() / spacing_samples);
@@ -67,8 +68,8 @@ void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu:
   const std::vector<Vec3d> source = copy(pair.source.positions), reference = copy(pair.reference.positions);
   const Rows source_rows{source}, reference_rows{reference};
   const Tree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
-  const double threshold =
-      spacing_factor * std::max(median_spacing(source_tree, source), median_spacing(reference_tree, reference));
+  const double threshold = spacing_factor * std::max(median_spacing(source_tree, source),
+                                                     median_spacing(reference_tree, reference));
 
   // Per point, then summed in order: the same for any number of threads.
   std::vector<double> squared(source.size());

@@ -82,16 +82,17 @@ Result<Vec3d> check_positions(const Vec3View& points, const std::string& label) 
   return sum;
 }
 
-Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std::string& label, const char* what) {
+Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std::string& label,
+                             const char* what) {
   if (rows.count != points)
     return fail(ErrorCode::invalid_argument, label + ": the model reads " + what + "; the cloud has " +
-                                                 std::to_string(rows.count) + " for " + std::to_string(points) +
-                                                 " points");
+                                                 std::to_string(rows.count) + " for " +
+                                                 std::to_string(points) + " points");
   for (std::size_t i = 0; i < rows.count; ++i)
     for (double x : rows[i])
       if (!std::isfinite(x))
-        return fail(ErrorCode::invalid_argument, label + ": one of the " + what + ", " + std::to_string(i) +
-                                                     ", is not finite");
+        return fail(ErrorCode::invalid_argument,
+                    label + ": one of the " + what + ", " + std::to_string(i) + ", is not finite");
   return {};
 }
 
@@ -100,7 +101,8 @@ Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std
 std::unique_ptr<Runner> make_runner(const Model& model, Mode mode, const PlanOptions& options, bool retain) {
   const graph::Graph whole = model::build_graph(model.weights(), mode);
   graph::Graph graph = options.as_defined ? model::expand(whole) : model::fold(whole);
-  if (options.precision == Precision::f32) return std::make_unique<TypedRunner<float>>(std::move(graph), retain);
+  if (options.precision == Precision::f32)
+    return std::make_unique<TypedRunner<float>>(std::move(graph), retain);
   return std::make_unique<TypedRunner<double>>(std::move(graph), retain);
 }
 
@@ -138,13 +140,14 @@ Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pair
     const std::string label = cloud_label(c, pairs.size());
     if (cloud.positions.count < least)
       return fail(ErrorCode::invalid_argument, label + ": " + std::to_string(cloud.positions.count) +
-                                                   " points, the model needs at least " + std::to_string(least));
+                                                   " points, the model needs at least " +
+                                                   std::to_string(least));
     total += cloud.positions.count;
     if (total > plan.capacity.points || pairs.size() > plan.capacity.pairs)
       return fail(ErrorCode::invalid_argument,
-                  "the batch has " + std::to_string(pairs.size()) + " pairs and at least " + std::to_string(total) +
-                      " points, the plan holds " + std::to_string(plan.capacity.pairs) + " and " +
-                      std::to_string(plan.capacity.points));
+                  "the batch has " + std::to_string(pairs.size()) + " pairs and at least " +
+                      std::to_string(total) + " points, the plan holds " +
+                      std::to_string(plan.capacity.pairs) + " and " + std::to_string(plan.capacity.points));
     const auto centroid = check_positions(cloud.positions, label);
     if (!centroid) return tl::unexpected(centroid.error());
     if (config.return_normals)

@@ -47,8 +47,8 @@ Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
       const auto a = tested->indices(id), b = truth->indices(other);
       std::size_t wrong = 0;
       for (std::size_t e = 0; e < a.size(); ++e) wrong += a[e] != b[e];
-      differences.push_back({tensors[i].name, static_cast<double>(wrong) / static_cast<double>(a.size()),
-                             single ? 1e-2 : 0});
+      differences.push_back(
+          {tensors[i].name, static_cast<double>(wrong) / static_cast<double>(a.size()), single ? 1e-2 : 0});
     } else {
       differences.push_back(compare(tensors[i].name, tested->tensor(id), truth->tensor(other),
                                     single ? stage_bound_f32 : stage_bound_f64));

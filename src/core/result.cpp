@@ -4,12 +4,18 @@ namespace bitr {
 
 std::string_view name(ErrorCode code) {
   switch (code) {
-    case ErrorCode::invalid_argument: return "invalid_argument";
-    case ErrorCode::bad_file: return "bad_file";
-    case ErrorCode::io: return "io";
-    case ErrorCode::unsupported: return "unsupported";
-    case ErrorCode::degenerate: return "degenerate";
-    case ErrorCode::internal: return "internal";
+    case ErrorCode::invalid_argument:
+      return "invalid_argument";
+    case ErrorCode::bad_file:
+      return "bad_file";
+    case ErrorCode::io:
+      return "io";
+    case ErrorCode::unsupported:
+      return "unsupported";
+    case ErrorCode::degenerate:
+      return "degenerate";
+    case ErrorCode::internal:
+      return "internal";
   }
   return "internal";
 }

@@ -34,16 +34,25 @@ double widen_f16(std::uint16_t bits) {
 
 double element(DType type, const std::byte* at) {
   switch (type) {
-    case DType::f16: return widen_f16(load<std::uint16_t>(at));
-    case DType::bf16: return std::bit_cast<float>(std::uint32_t{load<std::uint16_t>(at)} << 16);
-    case DType::f32: return load<float>(at);
-    case DType::f64: return load<double>(at);
-    case DType::i8: return load<std::int8_t>(at);
+    case DType::f16:
+      return widen_f16(load<std::uint16_t>(at));
+    case DType::bf16:
+      return std::bit_cast<float>(std::uint32_t{load<std::uint16_t>(at)} << 16);
+    case DType::f32:
+      return load<float>(at);
+    case DType::f64:
+      return load<double>(at);
+    case DType::i8:
+      return load<std::int8_t>(at);
     case DType::u8:
-    case DType::boolean: return load<std::uint8_t>(at);
-    case DType::i16: return load<std::int16_t>(at);
-    case DType::i32: return load<std::int32_t>(at);
-    case DType::i64: return static_cast<double>(load<std::int64_t>(at));
+    case DType::boolean:
+      return load<std::uint8_t>(at);
+    case DType::i16:
+      return load<std::int16_t>(at);
+    case DType::i32:
+      return load<std::int32_t>(at);
+    case DType::i64:
+      return static_cast<double>(load<std::int64_t>(at));
   }
   return 0;
 }
@@ -54,30 +63,44 @@ std::size_t size_of(DType type) {
   switch (type) {
     case DType::i8:
     case DType::u8:
-    case DType::boolean: return 1;
+    case DType::boolean:
+      return 1;
     case DType::f16:
     case DType::bf16:
-    case DType::i16: return 2;
+    case DType::i16:
+      return 2;
     case DType::f32:
-    case DType::i32: return 4;
+    case DType::i32:
+      return 4;
     case DType::f64:
-    case DType::i64: return 8;
+    case DType::i64:
+      return 8;
   }
   return 0;
 }
 
 std::string_view name(DType type) {
   switch (type) {
-    case DType::f16: return "F16";
-    case DType::bf16: return "BF16";
-    case DType::f32: return "F32";
-    case DType::f64: return "F64";
-    case DType::i8: return "I8";
-    case DType::u8: return "U8";
-    case DType::i16: return "I16";
-    case DType::i32: return "I32";
-    case DType::i64: return "I64";
-    case DType::boolean: return "BOOL";
+    case DType::f16:
+      return "F16";
+    case DType::bf16:
+      return "BF16";
+    case DType::f32:
+      return "F32";
+    case DType::f64:
+      return "F64";
+    case DType::i8:
+      return "I8";
+    case DType::u8:
+      return "U8";
+    case DType::i16:
+      return "I16";
+    case DType::i32:
+      return "I32";
+    case DType::i64:
+      return "I64";
+    case DType::boolean:
+      return "BOOL";
   }
   return "";
 }

@@ -6,7 +6,8 @@
 namespace bitr::cpu {
 namespace {
 
-// One degree's channels of one head: where they lie in the tensor read and in the tensor written (or the query).
+// One degree's channels of one head: where they lie in the tensor read and in the tensor written (or the
+// query).
 struct Run {
   int head, from, to, length;
 };
@@ -15,9 +16,11 @@ template <class T>
 class AttendKernel : public Kernel<T> {
  public:
   explicit AttendKernel(const ops::Attend& op) : op_(op) {
-    for (const auto& [d, m] : op.value_fiber) add_runs(values_, d, m, op.values_fiber.offset(d), op.value_fiber.offset(d));
+    for (const auto& [d, m] : op.value_fiber)
+      add_runs(values_, d, m, op.values_fiber.offset(d), op.value_fiber.offset(d));
     for (const auto& [d, m] : op.key_fiber)
-      add_runs(keys_, d, m, op.keys_fiber.offset(d) + (op.keys_fiber.channels(d) - m) * d.dim(), op.key_fiber.offset(d));
+      add_runs(keys_, d, m, op.keys_fiber.offset(d) + (op.keys_fiber.channels(d) - m) * d.dim(),
+               op.key_fiber.offset(d));
     scale_ = static_cast<T>(1 / std::sqrt(op.key_fiber.component_count()));
   }
 
@@ -40,7 +43,8 @@ class AttendKernel : public Kernel<T> {
         for (int j = 0; j < k; ++j)
           for (const Run& run : values_)
             for (int i = 0; i < run.length; ++i)
-              sum[run.to + i] += weights[j * heads + run.head] * values.as<T>()[(row * k + j) * values.width + run.from + i];
+              sum[run.to + i] +=
+                  weights[j * heads + run.head] * values.as<T>()[(row * k + j) * values.width + run.from + i];
       }
     });
   }

@@ -18,8 +18,10 @@ struct CloudChunk {
 inline std::vector<CloudChunk> cloud_chunks(const graph::BatchLayout& layout) {
   std::vector<CloudChunk> chunks;
   for (std::uint32_t cloud = 0; cloud < layout.clouds(); ++cloud)
-    for (std::size_t begin = layout.cloud_offset[cloud]; begin < layout.cloud_offset[cloud + 1]; begin += chunk_rows)
-      chunks.push_back({cloud, begin, std::min<std::size_t>(begin + chunk_rows, layout.cloud_offset[cloud + 1])});
+    for (std::size_t begin = layout.cloud_offset[cloud]; begin < layout.cloud_offset[cloud + 1];
+         begin += chunk_rows)
+      chunks.push_back(
+          {cloud, begin, std::min<std::size_t>(begin + chunk_rows, layout.cloud_offset[cloud + 1])});
   return chunks;
 }
 

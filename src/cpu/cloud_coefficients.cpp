@@ -31,15 +31,18 @@ class CloudCoefficientsKernel : public Kernel<T> {
   void run(const Arguments& args) const override {
     const Slot &means = args.in[0], &globals = args.in[1], &out = args.out[0];
     const auto row = [](const Slot& slot, std::size_t i) {
-      return VectorXd(Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot.as<T>() + i * slot.stride(), slot.width)
-                          .template cast<double>());
+      return VectorXd(
+          Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot.as<T>() + i * slot.stride(), slot.width)
+              .template cast<double>());
     };
     for (std::uint32_t cloud = 0; cloud < args.layout.clouds(); ++cloud) {
       const std::uint32_t other = args.layout.other(cloud);
       const VectorXd mean = row(means, cloud), other_mean = row(means, other);
       VectorXd scalars(op_.full.c0 - op_.layer.c0);
-      scalars << row(globals, cloud), row(globals, other), mean.head(op_.layer.c0), other_mean.head(op_.layer.c0);
-      const RowMatrix<double> vectors = Eigen::Map<const RowMatrix<double>>(mean.data() + op_.layer.c0, op_.layer.c1, 3);
+      scalars << row(globals, cloud), row(globals, other), mean.head(op_.layer.c0),
+          other_mean.head(op_.layer.c0);
+      const RowMatrix<double> vectors =
+          Eigen::Map<const RowMatrix<double>>(mean.data() + op_.layer.c0, op_.layer.c1, 3);
       write(scalars, vectors, out.as<T>() + cloud * out.stride());
     }
   }
@@ -67,7 +70,8 @@ class CloudCoefficientsKernel : public Kernel<T> {
     const Appended appended(op_);
     const Paths path = paths(scalars, vectors);
 
-    MatrixXd M0(heads * n, z), O0(layer.m0, heads * n), Mz0 = MatrixXd::Zero(heads * z, z), Oz0(layer.m0, heads * z);
+    MatrixXd M0(heads * n, z), O0(layer.m0, heads * n), Mz0 = MatrixXd::Zero(heads * z, z),
+                                                        Oz0(layer.m0, heads * z);
     MatrixXd S0 = appended.condense(full.S0, scalars);
     for (int h = 0; h < heads; ++h) {
       const MatrixXd M = appended.condense(full.M0.middleRows(h * n_full, n_full), scalars);
@@ -76,12 +80,12 @@ class CloudCoefficientsKernel : public Kernel<T> {
       const int c0 = layer.c0, extra = full.c0 - c0;
       M0.middleRows(h * n, n) = path.own * M;
       O0.middleCols(h * n, n) = O * path.own.transpose();
-      // Constant paths: the same on every edge of positive length, so they leave the softmax and join the bias; an
-      // edge of length zero carries the difference.
+      // Constant paths: the same on every edge of positive length, so they leave the softmax and join the
+      // bias; an edge of length zero carries the difference.
       S0.col(c0) += O * path.constant;
       Mz0.middleRows(h * z, c0) = Mz.topRows(c0);
-      Mz0.row(h * z + c0) = scalars.transpose() * Mz.middleRows(c0, extra) + Mz.row(full.c0) -
-                            path.constant.transpose() * M;
+      Mz0.row(h * z + c0) =
+          scalars.transpose() * Mz.middleRows(c0, extra) + Mz.row(full.c0) - path.constant.transpose() * M;
       Oz0.middleCols(h * z, c0) = Oz.leftCols(c0);
       Oz0.col(h * z + c0) = Oz.middleCols(c0, extra) * scalars + Oz.col(full.c0) - O * path.constant;
     }

@@ -37,7 +37,8 @@ class CloudSoftmaxKernel : public Kernel<T> {
     const Eigen::ArrayXXd total = combine(args, chunks, sums, false);
     args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
-        const Eigen::Array<T, Eigen::Dynamic, 1> scale = total.col(chunks[i].cloud).inverse().template cast<T>();
+        const Eigen::Array<T, Eigen::Dynamic, 1> scale =
+            total.col(chunks[i].cloud).inverse().template cast<T>();
         for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row)
           Eigen::Map<Eigen::Array<T, Eigen::Dynamic, 1>>(out + row * channels_, channels_) *= scale;
       }
@@ -50,8 +51,8 @@ class CloudSoftmaxKernel : public Kernel<T> {
   }
 
   // channels × clouds, from channels × chunks.
-  Eigen::ArrayXXd combine(const Arguments& args, const std::vector<CloudChunk>& chunks, const Eigen::ArrayXXd& parts,
-                          bool largest) const {
+  Eigen::ArrayXXd combine(const Arguments& args, const std::vector<CloudChunk>& chunks,
+                          const Eigen::ArrayXXd& parts, bool largest) const {
     Eigen::ArrayXXd all = Eigen::ArrayXXd::Constant(channels_, args.layout.clouds(),
                                                     largest ? -std::numeric_limits<double>::infinity() : 0.0);
     for (std::size_t i = 0; i < chunks.size(); ++i) {

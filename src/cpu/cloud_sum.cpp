@@ -16,10 +16,12 @@ class CloudSumKernel : public Kernel<T> {
       for (std::size_t i = first; i < last; ++i) {
         parts[i].setZero(op_.channels, out.width);
         for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row)
-          parts[i].noalias() += vector(weights, row, 0, op_.channels) * vector(values, row, op_.skip, out.width).transpose();
+          parts[i].noalias() +=
+              vector(weights, row, 0, op_.channels) * vector(values, row, op_.skip, out.width).transpose();
       }
     });
-    std::vector<RowMatrix<double>> sums(args.layout.clouds(), RowMatrix<double>::Zero(op_.channels, out.width));
+    std::vector<RowMatrix<double>> sums(args.layout.clouds(),
+                                        RowMatrix<double>::Zero(op_.channels, out.width));
     for (std::size_t i = 0; i < chunks.size(); ++i) sums[chunks[i].cloud] += parts[i];
     for (std::size_t cloud = 0; cloud < sums.size(); ++cloud)
       Eigen::Map<RowMatrix<T>>(out.as<T>() + cloud * op_.channels * out.width, op_.channels, out.width) =
@@ -28,7 +30,8 @@ class CloudSumKernel : public Kernel<T> {
 
  private:
   static Eigen::VectorXd vector(const Slot& slot, std::size_t row, int skip, int count) {
-    return Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot.as<T>() + row * slot.stride() + skip, count)
+    return Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot.as<T>() + row * slot.stride() + skip,
+                                                                 count)
         .template cast<double>();
   }
 

@@ -60,7 +60,8 @@ class ConvolveKernel : public Kernel<T> {
 
   void run(const Arguments& args) const override {
     const Slot &features = args.in[0], &edges = args.in[1];
-    const std::size_t k = edges.per_row, sides = op_.sides, in = features.stride(), out = op_.fiber_out.size();
+    const std::size_t k = edges.per_row, sides = op_.sides, in = features.stride(),
+                      out = op_.fiber_out.size();
     const auto* index = edges.as<std::uint32_t>();
     args.pool.parallel_for(args.rows(edges), 8, [&](std::size_t begin, std::size_t end) {
       const std::size_t e0 = begin * k, count = (end - begin) * k;
@@ -73,8 +74,9 @@ class ConvolveKernel : public Kernel<T> {
         Matrix<T> turned;
         for (std::size_t e = 0; e < count; ++e) {
           kernels(block, args.in[3].as<T>() + (e0 + e) * 3 * sides, first, second);
-          apply(block, first, second, radial.col(e).data(), features.as<T>() + index[e0 + e] * in + block.in_offset,
-                result + e * out + block.out_offset, turned);
+          apply(block, first, second, radial.col(e).data(),
+                features.as<T>() + index[e0 + e] * in + block.in_offset, result + e * out + block.out_offset,
+                turned);
         }
       }
     });

@@ -21,7 +21,8 @@ class EdgeGeometryKernel : public Kernel<T> {
       for (std::size_t e = begin * k; e < end * k; ++e) {
         const T *to = centres + e / k * width, *from = neighbours + index[e] * width;
         for (int s = 0; s < op_.sides; ++s) {
-          const T x = to[3 * s] - from[3 * s], y = to[3 * s + 1] - from[3 * s + 1], z = to[3 * s + 2] - from[3 * s + 2];
+          const T x = to[3 * s] - from[3 * s], y = to[3 * s + 1] - from[3 * s + 1],
+                  z = to[3 * s + 2] - from[3 * s + 2];
           const T length = std::sqrt(x * x + y * y + z * z);
           const T scale = 1 / std::max(length, static_cast<T>(ops::direction_eps));
           lengths[e * op_.sides + s] = length;

@@ -40,7 +40,8 @@ void Executor<T>::prepare(const graph::BatchLayout& layout) {
   if (arena_.size() < plan.bytes + graph::arena_alignment) arena_.resize(plan.bytes + graph::arena_alignment);
   auto base = reinterpret_cast<std::uintptr_t>(arena_.data());
   base = (base + graph::arena_alignment - 1) / graph::arena_alignment * graph::arena_alignment;
-  for (std::size_t i = 0; i < slots_.size(); ++i) slots_[i].data = reinterpret_cast<void*>(base + plan.offset[i]);
+  for (std::size_t i = 0; i < slots_.size(); ++i)
+    slots_[i].data = reinterpret_cast<void*>(base + plan.offset[i]);
 }
 
 template <class T>

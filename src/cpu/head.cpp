@@ -20,11 +20,13 @@ class HeadKernel : public Kernel<T> {
     const std::size_t keys = args.layout.key_points;
     for (std::size_t pair = 0; pair < args.layout.pairs(); ++pair) {
       const auto load = [&](const Slot& slot) {
-        return RowMatrixXd(Eigen::Map<const RowMatrix<T>>(slot.as<T>() + pair * keys * slot.stride(), keys, slot.width)
-                               .template cast<double>());
+        return RowMatrixXd(
+            Eigen::Map<const RowMatrix<T>>(slot.as<T>() + pair * keys * slot.stride(), keys, slot.width)
+                .template cast<double>());
       };
       const auto store = [&](const Slot& slot, const MatrixXd& rows) {
-        Eigen::Map<RowMatrix<T>>(slot.as<T>() + pair * keys * slot.stride(), keys, slot.width) = rows.cast<T>();
+        Eigen::Map<RowMatrix<T>>(slot.as<T>() + pair * keys * slot.stride(), keys, slot.width) =
+            rows.cast<T>();
       };
       const RowMatrixXd positions = load(args.in[0]), features = load(args.in[1]);
       const MatrixXd normed = graph_norm(features.leftCols(op_.fiber.channels({0, 0})));

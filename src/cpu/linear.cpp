@@ -21,8 +21,10 @@ class LinearKernel : public Kernel<T> {
         const int channels = op.fiber_in[i].channels(d);
         if (channels == 0) continue;
         Eigen::MatrixXd weights = matrix.middleCols(column, channels);
-        if (op.skip.count(d)) weights.middleRows(column, channels) += Eigen::MatrixXd::Identity(channels, channels);
-        parts_.push_back({i, op.fiber_in[i].offset(d), op.fiber_out.offset(d), d.dim(), weights.template cast<T>()});
+        if (op.skip.count(d))
+          weights.middleRows(column, channels) += Eigen::MatrixXd::Identity(channels, channels);
+        parts_.push_back(
+            {i, op.fiber_in[i].offset(d), op.fiber_out.offset(d), d.dim(), weights.template cast<T>()});
         column += channels;
       }
     }

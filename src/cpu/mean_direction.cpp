@@ -10,13 +10,17 @@ template <class T>
 class MeanDirectionKernel : public Kernel<T> {
  public:
   explicit MeanDirectionKernel(const ops::MeanDirection& op)
-      : op_(op), scalars_(op.scalars.cast<T>()), slopes_(op.slopes.cast<T>()), general_(op.general),
-        plane_(op.general.plane.cast<T>()), constant_(static_cast<T>(op.constant)) {}
+      : op_(op),
+        scalars_(op.scalars.cast<T>()),
+        slopes_(op.slopes.cast<T>()),
+        general_(op.general),
+        plane_(op.general.plane.cast<T>()),
+        constant_(static_cast<T>(op.constant)) {}
 
   void run(const Arguments& args) const override {
     const Slot &edges = args.in[1], &out = args.out[0];
     const int k = edges.per_row;
-    const PointInputs<T> inputs{&constant_,         0, edges.as<std::uint32_t>(), args.in[0].as<T>(),
+    const PointInputs<T> inputs{&constant_,         0,          edges.as<std::uint32_t>(), args.in[0].as<T>(),
                                 args.in[0].as<T>(), out.as<T>()};
     args.pool.parallel_for(args.rows(out), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t row = begin; row < end; ++row) {

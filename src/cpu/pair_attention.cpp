@@ -11,12 +11,13 @@ namespace {
 
 using irreps::Degree;
 
-// On a side of length zero only J = 0 survives: nothing between different degrees, and of 1→1 the multiple of the
-// identity, which is (c₀ + 2c₁)/3.
+// On a side of length zero only J = 0 survives: nothing between different degrees, and of 1→1 the multiple of
+// the identity, which is (c₀ + 2c₁)/3.
 template <class T>
 void keep_scalar_part(const ops::PairBlock& block, bool first_side, T* coefficients) {
   const int channels = block.in_channels * block.out_channels;
-  const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1, freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
+  const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1,
+            freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
   const int in = first_side ? block.in.p : block.in.q, out = first_side ? block.out.p : block.out.q;
   T* at = coefficients + block.coefficients;
   if (in != out) {
@@ -37,7 +38,8 @@ void keep_scalar_part(const ops::PairBlock& block, bool first_side, T* coefficie
 template <class T>
 struct Prepared {
   explicit Prepared(const ops::PairAttention& source)
-      : op(source), relu(source.fiber_out, source.planes),
+      : op(source),
+        relu(source.fiber_out, source.planes),
         messages(irreps::concatenate(source.value_fiber, source.key_fiber)) {
     for (const auto& table : op.tables) tables.emplace_back(table);
     for (const auto& block : op.blocks) terms.push_back(pair_terms(block));
@@ -62,18 +64,27 @@ class PairRow {
   using Edges = Eigen::Array<T, Width, 1>;
 
   PairRow(const Prepared<T>& prepared, int k)
-      : p_(prepared), k_(k), coefficient_(p_.op.coefficient_count), edge_(p_.op.coefficient_count),
-        feature_(p_.op.fiber_in.size()), message_(p_.messages.size()), weight_(p_.op.heads),
-        query_(p_.op.key_fiber.size()), sum_(p_.op.value_fiber.size()), result_(p_.op.fiber_out.size()) {}
+      : p_(prepared),
+        k_(k),
+        coefficient_(p_.op.coefficient_count),
+        edge_(p_.op.coefficient_count),
+        feature_(p_.op.fiber_in.size()),
+        message_(p_.messages.size()),
+        weight_(p_.op.heads),
+        query_(p_.op.key_fiber.size()),
+        sum_(p_.op.value_fiber.size()),
+        result_(p_.op.fiber_out.size()) {}
 
-  void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row, T* out) {
+  void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row,
+                T* out) {
     const std::size_t stride = feature_.size();
     gather(features, neighbours, positions, row);
     turn(p_.op.fiber_in, frame_, feature_.data(), true);
     for (Edges& m : message_) m.setZero();
     for (std::size_t b = 0; b < p_.op.blocks.size(); ++b) {
       const ops::PairBlock& block = p_.op.blocks[b];
-      add_messages(block, p_.terms[b], &coefficient_[block.coefficients], &feature_[p_.op.fiber_in.offset(block.in)],
+      add_messages(block, p_.terms[b], &coefficient_[block.coefficients],
+                   &feature_[p_.op.fiber_in.offset(block.in)],
                    &message_[p_.messages.offset(block.out) + block.out_begin * block.out.dim()]);
     }
     turn(p_.messages, frame_, message_.data(), false);
@@ -85,7 +96,8 @@ class PairRow {
 
  private:
   using Buffer = std::vector<Edges, Eigen::aligned_allocator<Edges>>;
-  // Where Eigen writes: it starts its vectors at aligned addresses, so the address would show in the last bit.
+  // Where Eigen writes: it starts its vectors at aligned addresses, so the address would show in the last
+  // bit.
   using Numbers = std::vector<T, Eigen::aligned_allocator<T>>;
 
   void gather(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row) {

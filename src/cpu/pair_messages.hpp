@@ -23,7 +23,8 @@ inline std::vector<Term> side_terms(int in, int out) {
 
 /// The tensor product of both sides' terms.
 inline std::vector<Term> pair_terms(const ops::PairBlock& block) {
-  const int freq2 = 2 * std::min(block.in.q, block.out.q) + 1, out2 = 2 * block.out.q + 1, in2 = 2 * block.in.q + 1;
+  const int freq2 = 2 * std::min(block.in.q, block.out.q) + 1, out2 = 2 * block.out.q + 1,
+            in2 = 2 * block.in.q + 1;
   std::vector<Term> terms;
   for (const Term& a : side_terms(block.in.p, block.out.p))
     for (const Term& b : side_terms(block.in.q, block.out.q))
@@ -37,8 +38,8 @@ template <class Edges>
 struct Frame {
   Edges rows[3][3];
 
-  /// d: the edge's vector. The angle about the axis cancels in the messages; so does the whole frame where the length
-  /// is zero.
+  /// d: the edge's vector. The angle about the axis cancels in the messages; so does the whole frame where
+  /// the length is zero.
   void set(const Edges* d, const Edges& length) {
     const auto positive = length > 0;
     const Edges scale = positive.select(length.inverse(), Edges::Zero());
@@ -71,7 +72,8 @@ void turn(const irreps::Fiber& fiber, const Frame<Edges> (&frames)[2], Edges* ro
     }
 }
 
-/// Adds one block's messages. in, out: the rows of the two degrees; coefficients: (freq, out_channels, in_channels).
+/// Adds one block's messages. in, out: the rows of the two degrees; coefficients: (freq, out_channels,
+/// in_channels).
 template <class Edges>
 void add_messages(const ops::PairBlock& block, const std::vector<Term>& terms, const Edges* coefficients,
                   const Edges* in, Edges* out) {

@@ -15,10 +15,21 @@ class PointRow {
   using Edges = Eigen::Array<T, Width, 1>;
 
   PointRow(const ops::PointAttention& op, const RowMatrix<T>& plane, int k)
-      : op_(op), plane_(plane), k_(k), n0_(op.n0()), n1_(op.m1 > 0 ? op.n1() : 0), z0_(op.c0 + 1),
-        z1_(op.m1 > 0 ? op.c1 : 0), feature_(op.c0 + 3 * op.c1), phi0_(n0_), phi1_(3 * n1_),
-        zero_feature_(op.c0 + 3 * op.c1), weight_(op.heads), query_(op.heads * std::max(n0_ + 3 * n1_, z0_ + 3 * z1_)),
-        sum_(query_.size()), component_(op.c1) {}
+      : op_(op),
+        plane_(plane),
+        k_(k),
+        n0_(op.n0()),
+        n1_(op.m1 > 0 ? op.n1() : 0),
+        z0_(op.c0 + 1),
+        z1_(op.m1 > 0 ? op.c1 : 0),
+        feature_(op.c0 + 3 * op.c1),
+        phi0_(n0_),
+        phi1_(3 * n1_),
+        zero_feature_(op.c0 + 3 * op.c1),
+        weight_(op.heads),
+        query_(op.heads * std::max(n0_ + 3 * n1_, z0_ + 3 * z1_)),
+        sum_(query_.size()),
+        component_(op.c1) {}
 
   void evaluate(const PointCoefficients<T>& coefficients, const PointInputs<T>& in, std::size_t row) {
     const bool duplicates = gather(in, row);
@@ -47,8 +58,8 @@ class PointRow {
  private:
   using Buffer = std::vector<Edges, Eigen::aligned_allocator<Edges>>;
 
-  // Directions and features of the neighbours, a lane per edge. True if some edge has length zero; its feature then
-  // moves to zero_feature_.
+  // Directions and features of the neighbours, a lane per edge. True if some edge has length zero; its
+  // feature then moves to zero_feature_.
   bool gather(const PointInputs<T>& in, std::size_t row) {
     const std::uint32_t* neighbour = in.index + row * k_;
     const T* centre = in.centres + 3 * row;
@@ -107,8 +118,8 @@ class PointRow {
   }
 
   // Adds ⟨Q_h, φ_j⟩ to the logits, Q = M f.
-  void score(const SmallMatrix<T>& M0, const SmallMatrix<T>& M1,
-             const T* own, const Buffer& phi0, int n0, const Buffer& phi1, int n1) {
+  void score(const SmallMatrix<T>& M0, const SmallMatrix<T>& M1, const T* own, const Buffer& phi0, int n0,
+             const Buffer& phi1, int n1) {
     const int heads = op_.heads;
     std::fill(query_.begin(), query_.end(), T{0});
     M0.add_affine(own, query_.data());
@@ -159,8 +170,8 @@ class PointRow {
     for (int a = 0; a < 3; ++a) coefficients.S1.add_product(component(own, a), out + op_.m0 + a, 3);
   }
 
-  void aggregate(const SmallMatrix<T>& O0, const SmallMatrix<T>& O1,
-                 const Buffer& phi0, int n0, const Buffer& phi1, int n1, T* out) {
+  void aggregate(const SmallMatrix<T>& O0, const SmallMatrix<T>& O1, const Buffer& phi0, int n0,
+                 const Buffer& phi1, int n1, T* out) {
     const int heads = op_.heads;
     for (int h = 0; h < heads; ++h)
       for (int p = 0; p < n0; ++p) sum_[h * n0 + p] = (weight_[h] * phi0[p]).sum();
@@ -186,8 +197,9 @@ class PointRow {
 };
 
 template <class T, int Width>
-void rows_of_width(const ops::PointAttention& op, const PointCoefficients<T>& coefficients, const RowMatrix<T>& plane,
-                   const PointInputs<T>& inputs, int k, std::size_t begin, std::size_t end) {
+void rows_of_width(const ops::PointAttention& op, const PointCoefficients<T>& coefficients,
+                   const RowMatrix<T>& plane, const PointInputs<T>& inputs, int k, std::size_t begin,
+                   std::size_t end) {
   PointRow<T, Width> point(op, plane, k);
   for (std::size_t row = begin; row < end; ++row) point.evaluate(coefficients, inputs, row);
 }
@@ -196,7 +208,15 @@ void rows_of_width(const ops::PointAttention& op, const PointCoefficients<T>& co
 
 template <class T>
 PointCoefficients<T>::PointCoefficients(const ops::PointAttention& op)
-    : M0(op.M0), M1(op.M1), O0(op.O0), O1(op.O1), S0(op.S0), S1(op.S1), Mz0(op.Mz0), Mz1(op.Mz1), Oz0(op.Oz0),
+    : M0(op.M0),
+      M1(op.M1),
+      O0(op.O0),
+      O1(op.O1),
+      S0(op.S0),
+      S1(op.S1),
+      Mz0(op.Mz0),
+      Mz1(op.Mz1),
+      Oz0(op.Oz0),
       Oz1(op.Oz1) {}
 
 template <class T>
@@ -229,9 +249,11 @@ void point_attention_rows(const ops::PointAttention& op, const PointCoefficients
 template struct PointCoefficients<float>;
 template struct PointCoefficients<double>;
 template void point_attention_rows(const ops::PointAttention&, const PointCoefficients<float>&,
-                                   const RowMatrix<float>&, const PointInputs<float>&, int, std::size_t, std::size_t);
+                                   const RowMatrix<float>&, const PointInputs<float>&, int, std::size_t,
+                                   std::size_t);
 template void point_attention_rows(const ops::PointAttention&, const PointCoefficients<double>&,
-                                   const RowMatrix<double>&, const PointInputs<double>&, int, std::size_t, std::size_t);
+                                   const RowMatrix<double>&, const PointInputs<double>&, int, std::size_t,
+                                   std::size_t);
 
 namespace {
 
@@ -245,7 +267,7 @@ class PointAttentionKernel : public Kernel<T> {
 
   void run(const Arguments& args) const override {
     const Slot &features = args.in[0], &edges = args.in[1], &out = args.out[0];
-    const PointInputs<T> inputs{features.as<T>(),   features.stride(),   edges.as<std::uint32_t>(),
+    const PointInputs<T> inputs{features.as<T>(),   features.stride(),  edges.as<std::uint32_t>(),
                                 args.in[2].as<T>(), args.in[3].as<T>(), out.as<T>()};
     const auto rows = [&](const PointCoefficients<T>& coefficients, std::size_t first, std::size_t count) {
       args.pool.parallel_for(count, rows_per_task, [&](std::size_t begin, std::size_t end) {

@@ -12,7 +12,10 @@ class SmallMatrix {
   SmallMatrix() = default;
   template <class Derived>
   explicit SmallMatrix(const Eigen::MatrixBase<Derived>& matrix)
-      : rows_(matrix.rows()), cols_(matrix.cols()), wide_(cols_ > rows_), values_(static_cast<std::size_t>(matrix.size())) {
+      : rows_(matrix.rows()),
+        cols_(matrix.cols()),
+        wide_(cols_ > rows_),
+        values_(static_cast<std::size_t>(matrix.size())) {
     for (Eigen::Index r = 0; r < rows_; ++r)
       for (Eigen::Index c = 0; c < cols_; ++c) values_[at(r, c)] = static_cast<T>(matrix(r, c));
   }
@@ -38,7 +41,8 @@ class SmallMatrix {
         y[r * stride] += (Eigen::Map<const Column>(values_.data() + r * cols_, columns) * factors).sum();
     } else {
       for (Eigen::Index c = 0; c < columns; ++c)
-        for (Eigen::Index r = 0; r < rows_; ++r) y[r * stride] += x[c] * values_[static_cast<std::size_t>(c * rows_ + r)];
+        for (Eigen::Index r = 0; r < rows_; ++r)
+          y[r * stride] += x[c] * values_[static_cast<std::size_t>(c * rows_ + r)];
     }
   }
 

@@ -32,7 +32,8 @@ void projected_relu(const RowMatrix<T>& plane, int dim, T* x) {
 template <class T>
 RowRelu<T>::RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes)
     : scalars_(fiber.channels({0, 0})) {
-  for (const auto& [d, plane] : planes) parts_.push_back({fiber.offset(d), d.dim(), plane.template cast<T>()});
+  for (const auto& [d, plane] : planes)
+    parts_.push_back({fiber.offset(d), d.dim(), plane.template cast<T>()});
 }
 
 template <class T>

@@ -6,10 +6,17 @@ namespace bitr::cpu {
 
 template <class T>
 Radial<T>::Radial(const ops::RadialNetwork& network)
-    : scale_degree_(network.scale_degree), eps_(static_cast<T>(network.eps)), w1_(network.w1.cast<T>()),
-      w2_(network.w2.cast<T>()), w3_(network.w3.cast<T>()), gain1_(network.gain1.cast<T>()),
-      bias1_(network.bias1.cast<T>()), c2_(network.c2.cast<T>()), gain2_(network.gain2.cast<T>()),
-      bias2_(network.bias2.cast<T>()), c3_(network.c3.cast<T>()) {}
+    : scale_degree_(network.scale_degree),
+      eps_(static_cast<T>(network.eps)),
+      w1_(network.w1.cast<T>()),
+      w2_(network.w2.cast<T>()),
+      w3_(network.w3.cast<T>()),
+      gain1_(network.gain1.cast<T>()),
+      bias1_(network.bias1.cast<T>()),
+      c2_(network.c2.cast<T>()),
+      gain2_(network.gain2.cast<T>()),
+      bias2_(network.bias2.cast<T>()),
+      c3_(network.c3.cast<T>()) {}
 
 template <class T>
 void Radial<T>::activate(Matrix& hidden, const Vector& gain, const Vector& bias, T eps) {

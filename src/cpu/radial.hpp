@@ -26,8 +26,8 @@ class Radial {
   Vector gain1_, bias1_, c2_, gain2_, bias2_, c3_;
 };
 
-/// The radial functions of one pair of degrees, tying included: rows (c_out, c_in, freq), freq fastest; a column per
-/// edge. lengths: sides × E.
+/// The radial functions of one pair of degrees, tying included: rows (c_out, c_in, freq), freq fastest; a
+/// column per edge. lengths: sides × E.
 template <class T>
 typename Radial<T>::Matrix evaluate_block(const ops::RadialBlock& block, const Radial<T>& network,
                                           const typename Radial<T>::Matrix& lengths);

@@ -8,9 +8,14 @@ namespace bitr::cpu {
 
 template <class T>
 Sectors<T>::Sectors(const ops::SectorTable& table)
-    : scale_degree_(table.scale_degree), size_(table.size), swapped_(table.swapped), begin_(table.begin),
-      eps_(static_cast<T>(table.network->eps)), trusted_(static_cast<T>(1e4 * table.network->eps)),
-      network_(*table.network), basis_((table.scale * table.basis).cast<T>()) {
+    : scale_degree_(table.scale_degree),
+      size_(table.size),
+      swapped_(table.swapped),
+      begin_(table.begin),
+      eps_(static_cast<T>(table.network->eps)),
+      trusted_(static_cast<T>(1e4 * table.network->eps)),
+      network_(*table.network),
+      basis_((table.scale * table.basis).cast<T>()) {
   const int columns = scale_degree_ == 1 ? 2 : 3;
   for (const auto& ray : table.rays) {
     ray_cos_.push_back(static_cast<T>(ray[0]));
@@ -68,7 +73,8 @@ void Sectors<T>::add_network(T r1, T r2, T* to) const {
   const Eigen::Index channels = size_ / freq;
   for (Eigen::Index target = 0; target < freq; ++target)
     for (Eigen::Index c = 0; c < channels; ++c)
-      for (Eigen::Index f = 0; f < freq; ++f) to[target * channels + c] += basis_(target, f) * raw(c * freq + f);
+      for (Eigen::Index f = 0; f < freq; ++f)
+        to[target * channels + c] += basis_(target, f) * raw(c * freq + f);
 }
 
 template class Sectors<float>;

@@ -22,7 +22,8 @@ std::string processor_name() {
   return "CPU";
 }
 
-// Operations follow each other within microseconds: a worker looks this often for the next one before it sleeps.
+// Operations follow each other within microseconds: a worker looks this often for the next one before it
+// sleeps.
 constexpr int spins_before_sleep = 2000;
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Worker threads that share out ranges of rows. What a chunk computes never depends on who runs it, so results are
-// the same for any number of threads.
+// Worker threads that share out ranges of rows. What a chunk computes never depends on who runs it, so
+// results are the same for any number of threads.
 #pragma once
 
 #include <atomic>
@@ -24,9 +24,10 @@ class ThreadPool {
   unsigned threads() const { return static_cast<unsigned>(workers_.size()) + 1; }
   const std::string& processor() const { return processor_; }
 
-  /// Calls body(begin, end) on pieces of [0, count) of at most `grain` items, on all threads; returns when all are
-  /// done. Calls from different threads take turns. `body` must not throw or call parallel_for.
-  void parallel_for(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& body);
+  /// Calls body(begin, end) on pieces of [0, count) of at most `grain` items, on all threads; returns when
+  /// all are done. Calls from different threads take turns. `body` must not throw or call parallel_for.
+  void parallel_for(std::size_t count, std::size_t grain,
+                    const std::function<void(std::size_t, std::size_t)>& body);
 
  private:
   struct Job {

@@ -34,11 +34,16 @@ struct BatchLayout {
 
   std::size_t rows(Rows kind) const {
     switch (kind) {
-      case Rows::point: return cloud_offset.back();
-      case Rows::cloud: return clouds();
-      case Rows::key: return std::size_t{clouds()} * key_points;
-      case Rows::pair: return pairs();
-      case Rows::pair_key: return std::size_t{pairs()} * key_points;
+      case Rows::point:
+        return cloud_offset.back();
+      case Rows::cloud:
+        return clouds();
+      case Rows::key:
+        return std::size_t{clouds()} * key_points;
+      case Rows::pair:
+        return pairs();
+      case Rows::pair_key:
+        return std::size_t{pairs()} * key_points;
     }
     return 0;
   }
@@ -49,11 +54,14 @@ struct BatchLayout {
   /// First row of a segment; segment = segments(kind) gives the end.
   std::size_t begin(Rows kind, std::uint32_t segment) const {
     switch (kind) {
-      case Rows::point: return cloud_offset[segment];
+      case Rows::point:
+        return cloud_offset[segment];
       case Rows::key:
-      case Rows::pair_key: return std::size_t{segment} * key_points;
+      case Rows::pair_key:
+        return std::size_t{segment} * key_points;
       case Rows::cloud:
-      case Rows::pair: return segment;
+      case Rows::pair:
+        return segment;
     }
     return 0;
   }

@@ -9,7 +9,8 @@ std::string check_executable(const Graph& graph) {
   if (graph.normals != no_tensor) made.insert(graph.normals);
   if (graph.colors != no_tensor) made.insert(graph.colors);
   for (const Node& node : graph.nodes) {
-    if (std::holds_alternative<ops::AttentionLayer>(node.op)) return node.name + " is still a composite layer";
+    if (std::holds_alternative<ops::AttentionLayer>(node.op))
+      return node.name + " is still a composite layer";
     for (TensorId in : node.inputs)
       if (!made.count(in)) return node.name + " reads " + graph.tensors[in].name + " before it is made";
     for (TensorId out : node.outputs)

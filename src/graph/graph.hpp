@@ -19,8 +19,8 @@ enum class Kind : std::uint8_t { real, index };
 struct TensorInfo {
   std::string name;  ///< the stage's name, e.g. "fe.g1" or "key.points"
   Rows rows = Rows::point;
-  int per_row = 1;   ///< entries per row: k for tensors over edges
-  int width = 1;     ///< numbers per entry
+  int per_row = 1;  ///< entries per row: k for tensors over edges
+  int width = 1;    ///< numbers per entry
   Kind kind = Kind::real;
   irreps::Fiber fiber;  ///< how the width splits into degrees; empty for plain columns
 };
@@ -58,8 +58,8 @@ struct Graph {
   }
 };
 
-/// "" when every input of every node is a graph input or made by an earlier node, no tensor is made twice and no
-/// composite op is left; else the first fault.
+/// "" when every input of every node is a graph input or made by an earlier node, no tensor is made twice and
+/// no composite op is left; else the first fault.
 std::string check_executable(const Graph& graph);
 
 }  // namespace bitr::graph

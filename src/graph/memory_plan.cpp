@@ -26,7 +26,9 @@ std::vector<Lifetime> lifetimes(const Graph& graph, bool retain) {
   return lives;
 }
 
-std::size_t aligned(std::size_t bytes) { return (bytes + arena_alignment - 1) / arena_alignment * arena_alignment; }
+std::size_t aligned(std::size_t bytes) {
+  return (bytes + arena_alignment - 1) / arena_alignment * arena_alignment;
+}
 
 }  // namespace
 

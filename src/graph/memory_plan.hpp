@@ -15,8 +15,9 @@ struct MemoryPlan {
   std::size_t bytes = 0;            ///< of the whole arena
 };
 
-/// `sizes`: bytes per tensor. A tensor lives from the node that makes it (inputs: from the start) to the last node
-/// that reads it (outputs: to the end); with `retain` all live to the end, so that every stage can be looked at.
+/// `sizes`: bytes per tensor. A tensor lives from the node that makes it (inputs: from the start) to the last
+/// node that reads it (outputs: to the end); with `retain` all live to the end, so that every stage can be
+/// looked at.
 MemoryPlan plan_memory(const Graph& graph, const std::vector<std::size_t>& sizes, bool retain);
 
 }  // namespace bitr::graph

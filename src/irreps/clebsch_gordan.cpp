@@ -67,7 +67,8 @@ Eigen::MatrixXd compute(int a, int b) {
     for (int alpha = -a; alpha <= a; ++alpha)
       for (int beta = -b; beta <= b; ++beta)
         if (std::abs(alpha + beta) <= J)
-          complex_block((alpha + a) * (2 * b + 1) + beta + b, alpha + beta + J) = coupling(a, alpha, b, beta, J);
+          complex_block((alpha + a) * (2 * b + 1) + beta + b, alpha + beta + J) =
+              coupling(a, alpha, b, beta, J);
     const Eigen::MatrixXcd block = pair * complex_block * real_from_complex(J).adjoint();
     // Couplings with a + b + J odd come out imaginary: multiplying by i makes them real.
     const bool odd = (a + b + J) % 2 != 0;

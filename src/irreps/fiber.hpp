@@ -1,4 +1,5 @@
-// Degrees of SO(3)×SO(3) and fibers: how many channels of each degree a feature has, and where they lie in a row.
+// Degrees of SO(3)×SO(3) and fibers: how many channels of each degree a feature has, and where they lie in a
+// row.
 #pragma once
 
 #include <compare>
@@ -22,8 +23,8 @@ struct Degree {
   std::string str() const { return "(" + std::to_string(p) + ", " + std::to_string(q) + ")"; }
 };
 
-/// Channels per degree, in sorted order of (p, q). A row of features holds, degree after degree, channels × dim
-/// numbers (channel slow, component fast).
+/// Channels per degree, in sorted order of (p, q). A row of features holds, degree after degree, channels ×
+/// dim numbers (channel slow, component fast).
 class Fiber {
  public:
   using Map = std::map<Degree, int>;

@@ -30,7 +30,8 @@ void spherical_harmonics(int max_degree, const T* xyz, T* out) {
   T real = 1, imaginary = 0;  // (x + iy)^m
   T diagonal = 1;             // (2m−1)!!
   for (int m = 0; m <= max_degree; ++m) {
-    // Legendre's recurrence in l, kept homogeneous: q = |v|^(l−m) d^m/dz^m P_l(z/|v|) up to the sign convention.
+    // Legendre's recurrence in l, kept homogeneous: q = |v|^(l−m) d^m/dz^m P_l(z/|v|) up to the sign
+    // convention.
     T below = 0, q = diagonal;
     for (int l = m; l <= max_degree; ++l) {
       const T scaled = static_cast<T>(norms[l][m]) * q;

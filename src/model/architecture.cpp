@@ -30,10 +30,17 @@ Architecture architecture(const ModelConfig& config) {
 
   const int channels = config.feature_num_channels, coe = config.key_global_merge_coe;
   const Fiber feature{{{0, 0}, channels}, {{1, 0}, channels}};
-  const auto hidden = [&](const char* module, const char* stage, int i, const Fiber& in, const Fiber& out, int sides) {
+  const auto hidden = [&](const char* module, const char* stage, int i, const Fiber& in, const Fiber& out,
+                          int sides) {
     const std::string name = index_name(stage, 2 * i);
-    return LayerSpec{.prefix = index_name(module, 2 * i) + ".", .stage = name, .output = name, .in = in, .out = out,
-                     .div = config.div, .heads = config.heads, .sides = sides};
+    return LayerSpec{.prefix = index_name(module, 2 * i) + ".",
+                     .stage = name,
+                     .output = name,
+                     .in = in,
+                     .out = out,
+                     .div = config.div,
+                     .heads = config.heads,
+                     .sides = sides};
   };
   const auto relu = [&](const char* module, const char* stage, int i, const Fiber& fiber) {
     return ReluSpec{index_name(module, 2 * i + 1) + ".", index_name(stage, 2 * i + 1), fiber};
@@ -48,13 +55,26 @@ Architecture architecture(const ModelConfig& config) {
 
   const std::string key = "feature_extract.key_layer.";
   // The misspelling is the official parameter's name.
-  net.pool = {.prefix = key + "key_feature_gloabal_pool_weight.", .stage = "key.key_feature_gloabal_pool_weight",
-              .output = "key.pool_out", .in = feature, .out = {{{0, 0}, 1 + coe}}};
-  net.regress = {.prefix = key + "key_regress.", .stage = "key.key_regress", .output = "key.logit",
+  net.pool = {.prefix = key + "key_feature_gloabal_pool_weight.",
+              .stage = "key.key_feature_gloabal_pool_weight",
+              .output = "key.pool_out",
+              .in = feature,
+              .out = {{{0, 0}, 1 + coe}}};
+  net.regress = {.prefix = key + "key_regress.",
+                 .stage = "key.key_regress",
+                 .output = "key.logit",
                  .in = {{{0, 0}, 3 * channels + 2 * coe}, {{1, 0}, 2 * channels}},
-                 .out = {{{0, 0}, config.num_key_points}}, .div = config.div, .heads = config.heads};
-  net.extract = {.prefix = key + "key_extract.", .stage = "key.key_extract", .output = "key.feat", .in = feature,
-                 .out = feature, .div = config.div, .heads = config.heads, .zero_centre = true};
+                 .out = {{{0, 0}, config.num_key_points}},
+                 .div = config.div,
+                 .heads = config.heads};
+  net.extract = {.prefix = key + "key_extract.",
+                 .stage = "key.key_extract",
+                 .output = "key.feat",
+                 .in = feature,
+                 .out = feature,
+                 .div = config.div,
+                 .heads = config.heads,
+                 .zero_centre = true};
 
   constexpr const char *bi = "Binet.Gblock.", *bi_stage = "bi.g";
   const Fiber mid = pair_fiber(config.num_channels, config.num_channels);

@@ -47,8 +47,8 @@ struct Architecture {
 
 Architecture architecture(const ModelConfig& config);
 
-/// A radial network's place in a convolution: the pair of degrees, its channels and how it is tied; `owner` is the
-/// official name of the pair that has the parameters, e.g. "((0, 1),(0, 0))".
+/// A radial network's place in a convolution: the pair of degrees, its channels and how it is tied; `owner`
+/// is the official name of the pair that has the parameters, e.g. "((0, 1),(0, 0))".
 struct RadialSpec {
   ops::RadialBlock block;  ///< without its network
   std::string owner;

@@ -36,7 +36,8 @@ class Builder {
     const TensorId key_feature = layer(net.extract, feature, near, graph_.key_points, graph_.positions);
 
     const ops::MergePairs merge{config.feature_num_channels};
-    const TensorId positions = graph_.add({.name = "bi.pos", .rows = Rows::pair_key, .width = 6, .fiber = {}});
+    const TensorId positions =
+        graph_.add({.name = "bi.pos", .rows = Rows::pair_key, .width = 6, .fiber = {}});
     TensorId pair_feature = graph_.add("merge", Rows::pair_key, merge.merged());
     graph_.append("merge", merge, {graph_.key_points, key_feature}, {positions, pair_feature});
     const TensorId pair_index = knn("bi.index", positions, positions, Rows::pair_key,
@@ -53,8 +54,8 @@ class Builder {
   const Eigen::MatrixXd& parameter(const std::string& name) const { return weights_.parameters.at(name); }
 
   TensorId knn(const char* name, TensorId queries, TensorId references, Rows rows, ops::Knn op) {
-    const TensorId index = graph_.add(
-        {.name = name, .rows = rows, .per_row = op.k, .kind = graph::Kind::index, .fiber = {}});
+    const TensorId index =
+        graph_.add({.name = name, .rows = rows, .per_row = op.k, .kind = graph::Kind::index, .fiber = {}});
     graph_.append(name, op, {queries, references}, {index});
     return index;
   }
@@ -62,7 +63,8 @@ class Builder {
   TensorId input_features(const ops::InputFeatures& op) {
     std::vector<TensorId> inputs;
     if (op.colors) inputs.push_back(graph_.colors = graph_.add({.name = "colors", .width = 3, .fiber = {}}));
-    if (op.normals) inputs.push_back(graph_.normals = graph_.add({.name = "normals", .width = 3, .fiber = {}}));
+    if (op.normals)
+      inputs.push_back(graph_.normals = graph_.add({.name = "normals", .width = 3, .fiber = {}}));
     const TensorId feature = graph_.add("input", Rows::point, op.fiber());
     graph_.append("input", op, inputs, {feature});
     return feature;
@@ -115,15 +117,25 @@ class Builder {
     return op;
   }
 
-  TensorId layer(const LayerSpec& spec, TensorId feature, TensorId index, TensorId centres, TensorId neighbours) {
+  TensorId layer(const LayerSpec& spec, TensorId feature, TensorId index, TensorId centres,
+                 TensorId neighbours) {
     const std::string attention = spec.prefix + "GMAB.";
-    ops::AttentionLayer op{.sides = spec.sides, .scale_degree = spec.scale_degree, .heads = spec.heads,
-                           .zero_centre = spec.zero_centre, .fiber_in = spec.in, .fiber_out = spec.out,
-                           .value_fiber = spec.value_fiber(), .key_fiber = spec.key_fiber(),
-                           .values_keys = {}, .values = {}, .keys = {}, .query = {}, .project = {}};
+    ops::AttentionLayer op{.sides = spec.sides,
+                           .scale_degree = spec.scale_degree,
+                           .heads = spec.heads,
+                           .zero_centre = spec.zero_centre,
+                           .fiber_in = spec.in,
+                           .fiber_out = spec.out,
+                           .value_fiber = spec.value_fiber(),
+                           .key_fiber = spec.key_fiber(),
+                           .values_keys = {},
+                           .values = {},
+                           .keys = {},
+                           .query = {},
+                           .project = {}};
     if (spec.scale_degree == 0) {
-      op.values_keys = convolution(attention + "vk.", spec.in, irreps::concatenate(op.value_fiber, op.key_fiber),
-                                   spec.sides, 0);
+      op.values_keys = convolution(attention + "vk.", spec.in,
+                                   irreps::concatenate(op.value_fiber, op.key_fiber), spec.sides, 0);
       op.project = linear(spec.prefix + "project.1.transform.", {op.value_fiber, spec.in}, spec.out, true);
     } else {
       op.values = convolution(attention + "v.", spec.in, op.value_fiber, spec.sides, 1);
@@ -154,15 +166,18 @@ class Builder {
     graph_.append("key.pool_prob", ops::CloudSoftmax{1}, {pool}, {prob});
     const TensorId means = graph_.add("key.pooled_feature", Rows::cloud, net.pool.in);
     graph_.append("key.pooled_feature", ops::CloudSum{1, 0}, {prob, feature}, {means});
-    const TensorId globals = graph_.add(
-        {.name = "key.pooled_global0", .rows = Rows::cloud, .width = config.key_global_merge_coe, .fiber = {}});
+    const TensorId globals = graph_.add({.name = "key.pooled_global0",
+                                         .rows = Rows::cloud,
+                                         .width = config.key_global_merge_coe,
+                                         .fiber = {}});
     graph_.append("key.pooled_global0", ops::CloudSum{1, 1}, {prob, pool}, {globals});
 
     const TensorId extended = graph_.add("key.regress_in", Rows::point, net.regress.in);
     graph_.append("key.regress_in", ops::ExtendFeatures{net.pool.in, config.key_global_merge_coe},
                   {feature, means, globals}, {extended});
     const TensorId logit = layer(net.regress, extended, index, graph_.positions, graph_.positions);
-    const TensorId weight = graph_.add({.name = "key.pos_weight", .width = config.num_key_points, .fiber = {}});
+    const TensorId weight =
+        graph_.add({.name = "key.pos_weight", .width = config.num_key_points, .fiber = {}});
     graph_.append("key.pos_weight", ops::CloudSoftmax{config.num_key_points}, {logit}, {weight});
     graph_.key_points = graph_.add({.name = "key.points", .rows = Rows::key, .width = 3, .fiber = {}});
     graph_.append("key.points", ops::CloudSum{config.num_key_points, 0}, {weight, graph_.positions},
@@ -183,8 +198,10 @@ class Builder {
     op.matrix_mix = parameter(prefix + "linear_head.transform.(1, 1)");
     const TensorId normed = graph_.add(
         {.name = "head.gn_out", .rows = Rows::pair_key, .width = fiber.channels({0, 0}), .fiber = {}});
-    const TensorId logits = graph_.add({.name = "head.weight_logit", .rows = Rows::pair_key, .width = 3, .fiber = {}});
-    const TensorId weights = graph_.add({.name = "head.weights", .rows = Rows::pair_key, .width = 3, .fiber = {}});
+    const TensorId logits =
+        graph_.add({.name = "head.weight_logit", .rows = Rows::pair_key, .width = 3, .fiber = {}});
+    const TensorId weights =
+        graph_.add({.name = "head.weights", .rows = Rows::pair_key, .width = 3, .fiber = {}});
     const TensorId pieces =
         graph_.add({.name = "head.pieces", .rows = Rows::pair, .width = ops::piece_count, .fiber = {}});
     graph_.append("head", std::move(op), {positions, feature}, {normed, logits, weights, pieces});

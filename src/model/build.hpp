@@ -6,11 +6,12 @@
 
 namespace bitr::model {
 
-/// The network with whole attention layers (ops/attention_layer.hpp) as single nodes. `mode` sets the norms' eps.
+/// The network with whole attention layers (ops/attention_layer.hpp) as single nodes. `mode` sets the norms'
+/// eps.
 graph::Graph build_graph(const Weights& weights, Mode mode);
 
-/// As defined: each attention layer becomes edge geometry, convolutions, linear maps and attention. Its tensors carry
-/// the stage names of the definition ("fe.g0.vk", "fe.g0.attn", …).
+/// As defined: each attention layer becomes edge geometry, convolutions, linear maps and attention. Its
+/// tensors carry the stage names of the definition ("fe.g0.vk", "fe.g0.attn", …).
 graph::Graph expand(const graph::Graph& graph);
 
 /// Folded: the same function in far less arithmetic.

@@ -50,14 +50,15 @@ Result<void> validate(const ModelConfig& config) {
     const int values = channels / config.div;
     if (values < 1 || values % config.heads != 0)
       return fail(ErrorCode::invalid_argument,
-                  std::string(name) + " / div is " + std::to_string(channels) + " / " + std::to_string(config.div) +
+                  std::string(name) + " / div is " + std::to_string(channels) + " / " +
+                      std::to_string(config.div) +
                       ", which must be a positive multiple of head = " + std::to_string(config.heads));
     return {};
   };
   if (config.re_convert_k >= config.num_key_points)
-    return fail(ErrorCode::invalid_argument, "re_convert_k is " + std::to_string(config.re_convert_k) +
-                                                 ", must be below num_key_points = " +
-                                                 std::to_string(config.num_key_points));
+    return fail(ErrorCode::invalid_argument,
+                "re_convert_k is " + std::to_string(config.re_convert_k) +
+                    ", must be below num_key_points = " + std::to_string(config.num_key_points));
   if (auto ok = split("feature_num_channels", config.feature_num_channels); !ok) return ok;
   if (auto ok = split("num_key_points", config.num_key_points); !ok) return ok;
   if (config.num_layers > 0)
@@ -76,17 +77,20 @@ std::string to_json(const ModelConfig& config) {
 
 Result<ModelConfig> config_from_json(std::string_view text, const std::string& file) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (!json.is_object()) return fail(ErrorCode::bad_file, file + ": metadata bitr.config is not a JSON object");
+  if (!json.is_object())
+    return fail(ErrorCode::bad_file, file + ": metadata bitr.config is not a JSON object");
   ModelConfig config;
   const auto wrong = [&](const char* name) {
-    return fail(ErrorCode::bad_file, file + ": bitr.config." + name + " is " + json[name].dump() + ", not a number");
+    return fail(ErrorCode::bad_file,
+                file + ": bitr.config." + name + " is " + json[name].dump() + ", not a number");
   };
   for (const Field& field : fields) {
     if (!json.contains(field.name)) continue;
     const auto& value = json[field.name];
     if (!value.is_number_integer() || value < field.low || value > field.high)
-      return fail(ErrorCode::bad_file, file + ": bitr.config." + field.name + " is " + value.dump() + ", must be " +
-                                           std::to_string(field.low) + " … " + std::to_string(field.high));
+      return fail(ErrorCode::bad_file, file + ": bitr.config." + field.name + " is " + value.dump() +
+                                           ", must be " + std::to_string(field.low) + " … " +
+                                           std::to_string(field.high));
     config.*field.value = value.get<int>();
   }
   for (const Switch& option : switches) {
@@ -99,7 +103,8 @@ Result<ModelConfig> config_from_json(std::string_view text, const std::string& f
     else
       return wrong(option.name);
   }
-  if (auto ok = validate(config); !ok) return fail(ErrorCode::bad_file, file + ": bitr.config: " + ok.error().message);
+  if (auto ok = validate(config); !ok)
+    return fail(ErrorCode::bad_file, file + ": bitr.config: " + ok.error().message);
   return config;
 }
 
@@ -141,7 +146,8 @@ Result<ModelConfig> infer_config(const Shapes& shapes, const std::string& file) 
   if (config.num_layers > 0) config.num_channels = shape(bi + "0.project.1." + scalar, 0);
   config.predict_head = shape("predict_head.linear_head.transform.(1, 1)", 1);
   if (!missing.empty())
-    return fail(ErrorCode::bad_file, file + ": not a BITR state dict: tensor " + missing + " is missing or misshapen");
+    return fail(ErrorCode::bad_file,
+                file + ": not a BITR state dict: tensor " + missing + " is missing or misshapen");
   // Fewer key points than neighbours can only mean that the file was made with fewer neighbours.
   if (config.re_convert_k >= config.num_key_points) config.re_convert_k = config.num_key_points - 1;
   if ((config.feature_num_channels / config.div) % config.heads != 0) config.heads = 1;

@@ -34,8 +34,12 @@ class Expander {
     const auto info = graph_.tensors[index];
     const std::string name = info.name.substr(0, info.name.find('.'));
     const auto edges = [&](const char* suffix, int width) {
-      return graph_.add({.name = name + suffix, .rows = info.rows, .per_row = info.per_row, .width = width,
-                         .kind = graph::Kind::real, .fiber = {}});
+      return graph_.add({.name = name + suffix,
+                         .rows = info.rows,
+                         .per_row = info.per_row,
+                         .width = width,
+                         .kind = graph::Kind::real,
+                         .fiber = {}});
     };
     const Geometry made{edges(".r", sides), edges(".direction", 3 * sides)};
     graph_.append(name + ".geometry", ops::EdgeGeometry{sides}, {centres, neighbours, index},
@@ -72,8 +76,12 @@ class Expander {
       inputs.push_back(query);
     }
     const auto per_head = [&](const char* suffix) {
-      return graph_.add({.name = name + suffix, .rows = rows, .per_row = k, .width = layer.heads,
-                         .kind = graph::Kind::real, .fiber = {}});
+      return graph_.add({.name = name + suffix,
+                         .rows = rows,
+                         .per_row = k,
+                         .width = layer.heads,
+                         .kind = graph::Kind::real,
+                         .fiber = {}});
     };
     const TensorId logits = per_head(".attn_logit"), weights = per_head(".attn");
     const TensorId mixed = graph_.add(name + ".attn_out", rows, layer.value_fiber);
@@ -87,7 +95,8 @@ class Expander {
     std::vector<TensorId> parts = {mixed};
     if (layer.zero_centre) {
       project.fiber_in.resize(1);
-      for (auto& [d, matrix] : project.weights) matrix = matrix.leftCols(layer.value_fiber.channels(d)).eval();
+      for (auto& [d, matrix] : project.weights)
+        matrix = matrix.leftCols(layer.value_fiber.channels(d)).eval();
       project.skip.clear();
     } else if (layer.scale_degree == 0) {
       parts.push_back(feature);

@@ -75,9 +75,11 @@ class Folder {
       graph_.append(name, mean_direction(folded, ops::constant_feature), {centres, index}, {output});
     } else if (const Node* extend = made_by<ops::ExtendFeatures>(feature); extend && !relu) {
       const auto op = cloud_coefficients(folded, std::get<ops::ExtendFeatures>(extend->op));
-      const TensorId coefficients =
-          graph_.add({.name = name + ".coefficients", .rows = Rows::cloud, .width = op.layer.coefficient_count(),
-                      .kind = graph::Kind::real, .fiber = {}});
+      const TensorId coefficients = graph_.add({.name = name + ".coefficients",
+                                                .rows = Rows::cloud,
+                                                .width = op.layer.coefficient_count(),
+                                                .kind = graph::Kind::real,
+                                                .fiber = {}});
       graph_.append(name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients});
       graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbours, coefficients}, {output});
     } else {
@@ -111,7 +113,8 @@ class Folder {
     std::set<TensorId> needed = {graph_.key_points, graph_.pose};
     std::vector<Node> kept;
     for (auto node = graph_.nodes.rbegin(); node != graph_.nodes.rend(); ++node) {
-      if (std::none_of(node->outputs.begin(), node->outputs.end(), [&](TensorId id) { return needed.count(id); }))
+      if (std::none_of(node->outputs.begin(), node->outputs.end(),
+                       [&](TensorId id) { return needed.count(id); }))
         continue;
       needed.insert(node->inputs.begin(), node->inputs.end());
       kept.push_back(std::move(*node));
@@ -139,7 +142,8 @@ class Folder {
       for (TensorId& id : node.inputs) id = renumbered[id];
       for (TensorId& id : node.outputs) id = renumbered[id];
     }
-    for (TensorId* id : {&graph_.positions, &graph_.normals, &graph_.colors, &graph_.key_points, &graph_.pose})
+    for (TensorId* id :
+         {&graph_.positions, &graph_.normals, &graph_.colors, &graph_.key_points, &graph_.pose})
       *id = renumbered[*id];
   }
 

@@ -13,8 +13,8 @@ namespace bitr::model {
 /// The matrix of one degree with its skip connection added; empty where the map has no such degree.
 Eigen::MatrixXd with_skip(const ops::Linear& linear, irreps::Degree d);
 
-/// The radial network of a one-sided layer, which does not depend on the edge's length r > 0: LN(r w) = LN(w).
-/// At r = 0 its first LayerNorm gives its bias.
+/// The radial network of a one-sided layer, which does not depend on the edge's length r > 0: LN(r w) =
+/// LN(w). At r = 0 its first LayerNorm gives its bias.
 Eigen::VectorXd constant_radial(const ops::RadialNetwork& network, bool zero_length);
 
 /// A one-sided layer and the ReLU behind it (or nullptr).
@@ -30,7 +30,7 @@ ops::CloudCoefficients cloud_coefficients(const ops::PointAttention& full, const
 ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu);
 
 /// Sectors of a two-input network; coefficients in the order of ops::PairBlock, `basis` applied.
-ops::SectorTable sector_table(const std::shared_ptr<const ops::RadialNetwork>& network, const Eigen::MatrixXd& basis,
-                              int in_channels, int out_channels, double scale);
+ops::SectorTable sector_table(const std::shared_ptr<const ops::RadialNetwork>& network,
+                              const Eigen::MatrixXd& basis, int in_channels, int out_channels, double scale);
 
 }  // namespace bitr::model

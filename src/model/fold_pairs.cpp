@@ -33,8 +33,8 @@ MatrixXd pair_basis(const ops::RadialBlock& block, bool exchanged) {
 }
 
 void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_begin) {
-  ops::PairBlock block{radial.in, radial.out, radial.in_channels, radial.out_channels, out_begin,
-                       op.coefficient_count};
+  ops::PairBlock block{radial.in,           radial.out, radial.in_channels,
+                       radial.out_channels, out_begin,  op.coefficient_count};
   const auto add_table = [&](bool swapped, double scale) {
     ops::SectorTable table = sector_table(radial.network, pair_basis(radial, swapped), radial.in_channels,
                                           radial.out_channels, scale);
@@ -43,8 +43,12 @@ void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_b
     op.tables.push_back(std::move(table));
   };
   switch (radial.tying) {
-    case ops::Tying::direct: add_table(false, 1); break;
-    case ops::Tying::mirrored: add_table(true, 1); break;
+    case ops::Tying::direct:
+      add_table(false, 1);
+      break;
+    case ops::Tying::mirrored:
+      add_table(true, 1);
+      break;
     case ops::Tying::symmetrised:
       add_table(false, 0.5);
       add_table(true, 0.5);
@@ -57,9 +61,17 @@ void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_b
 }  // namespace
 
 ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu) {
-  ops::PairAttention op{.heads = layer.heads, .fiber_in = layer.fiber_in, .fiber_out = layer.fiber_out,
-                        .value_fiber = layer.value_fiber, .key_fiber = layer.key_fiber,
-                        .blocks = {}, .tables = {}, .query = {}, .project = {}, .self = {}, .planes = {}};
+  ops::PairAttention op{.heads = layer.heads,
+                        .fiber_in = layer.fiber_in,
+                        .fiber_out = layer.fiber_out,
+                        .value_fiber = layer.value_fiber,
+                        .key_fiber = layer.key_fiber,
+                        .blocks = {},
+                        .tables = {},
+                        .query = {},
+                        .project = {},
+                        .self = {},
+                        .planes = {}};
   for (const auto& block : layer.values_keys.blocks) add_block(op, block, 0);
   for (const auto& block : layer.values.blocks) add_block(op, block, 0);
   for (const auto& block : layer.keys.blocks) add_block(op, block, layer.value_fiber.channels(block.out));

@@ -29,7 +29,8 @@ struct PathMatrices {
 PathMatrices path_matrices(const ops::Convolve& convolve, bool zero) {
   const int c0 = convolve.fiber_in.channels(scalar), c1 = convolve.fiber_in.channels(vector);
   const int rows0 = convolve.fiber_out.channels(scalar), rows1 = convolve.fiber_out.channels(vector);
-  PathMatrices paths{MatrixXd::Zero(rows0, zero ? c0 + 1 : c0 + c1), MatrixXd::Zero(rows1, zero ? c1 : c0 + 3 * c1)};
+  PathMatrices paths{MatrixXd::Zero(rows0, zero ? c0 + 1 : c0 + c1),
+                     MatrixXd::Zero(rows1, zero ? c1 : c0 + 3 * c1)};
   for (const ops::RadialBlock& block : convolve.blocks) {
     const VectorXd radial = constant_radial(*block.network, zero);
     MatrixXd& target = block.out == scalar ? paths.degree0 : paths.degree1;
@@ -60,7 +61,8 @@ MatrixXd per_head_queries(const MatrixXd& keys, const MatrixXd& query, int heads
   const auto n = keys.rows() / heads;
   MatrixXd all(heads * keys.cols(), query.cols());
   for (int h = 0; h < heads; ++h)
-    all.middleRows(h * keys.cols(), keys.cols()) = keys.middleRows(h * n, n).transpose() * query.middleRows(h * n, n);
+    all.middleRows(h * keys.cols(), keys.cols()) =
+        keys.middleRows(h * n, n).transpose() * query.middleRows(h * n, n);
   return all;
 }
 
@@ -75,12 +77,14 @@ MatrixXd append_zero_column(const MatrixXd& matrix) {
 MatrixXd with_skip(const ops::Linear& linear, Degree d) {
   const auto it = linear.weights.find(d);
   if (it == linear.weights.end()) return {};
-  return linear.skip.count(d) ? MatrixXd(it->second + MatrixXd::Identity(it->second.rows(), it->second.cols()))
-                              : it->second;
+  return linear.skip.count(d)
+             ? MatrixXd(it->second + MatrixXd::Identity(it->second.rows(), it->second.cols()))
+             : it->second;
 }
 
 VectorXd constant_radial(const ops::RadialNetwork& network, bool zero_length) {
-  VectorXd hidden = zero_length ? network.bias1 : layer_norm(network.w1.col(0), network.gain1, network.bias1, 0);
+  VectorXd hidden =
+      zero_length ? network.bias1 : layer_norm(network.w1.col(0), network.gain1, network.bias1, 0);
   hidden = network.w2 * leaky(hidden) + network.c2;
   hidden = layer_norm(hidden, network.gain2, network.bias2, network.eps);
   return network.w3 * leaky(hidden) + network.c3;
@@ -95,10 +99,11 @@ ops::PointAttention point_attention(const ops::AttentionLayer& layer, const ops:
   op.uniform = layer.zero_centre;
   op.heads = op.uniform ? 1 : layer.heads;
 
-  const PathMatrices paths = path_matrices(layer.values_keys, false), zero = path_matrices(layer.values_keys, true);
+  const PathMatrices paths = path_matrices(layer.values_keys, false),
+                     zero = path_matrices(layer.values_keys, true);
   const double logit_scale = 1 / std::sqrt(layer.key_fiber.component_count());
-  const auto fold_degree = [&](Degree d, const MatrixXd& all, const MatrixXd& all_zero, MatrixXd& M, MatrixXd& Mz,
-                               MatrixXd& O, MatrixXd& Oz, MatrixXd& S) {
+  const auto fold_degree = [&](Degree d, const MatrixXd& all, const MatrixXd& all_zero, MatrixXd& M,
+                               MatrixXd& Mz, MatrixXd& O, MatrixXd& Oz, MatrixXd& S) {
     const int values = layer.value_fiber.channels(d), keys = layer.key_fiber.channels(d);
     const MatrixXd project = with_skip(layer.project, d);
     O = per_head_columns(project.leftCols(values), all.topRows(values), op.heads);
@@ -138,7 +143,8 @@ ops::MeanDirection mean_direction(const ops::PointAttention& first, double const
   return op;
 }
 
-ops::CloudCoefficients cloud_coefficients(const ops::PointAttention& full, const ops::ExtendFeatures& extend) {
+ops::CloudCoefficients cloud_coefficients(const ops::PointAttention& full,
+                                          const ops::ExtendFeatures& extend) {
   ops::CloudCoefficients op{extend, full, {}};
   op.layer.c0 = extend.fiber.channels(scalar);
   op.layer.c1 = extend.fiber.channels(vector);

@@ -17,9 +17,12 @@ double draw(const ParameterSpec& spec, Random& random) {
       const double bound = 1 / std::sqrt(spec.scale);
       return random.uniform(-bound, bound);
     }
-    case Initialisation::normal: return random.normal() * spec.scale;
-    case Initialisation::one: return 1;
-    case Initialisation::zero: return 0;
+    case Initialisation::normal:
+      return random.normal() * spec.scale;
+    case Initialisation::one:
+      return 1;
+    case Initialisation::zero:
+      return 0;
   }
   return 0;
 }
@@ -27,8 +30,12 @@ double draw(const ParameterSpec& spec, Random& random) {
 }  // namespace
 
 Weights initial_weights(const ModelConfig& config, std::uint64_t seed, Mode mode) {
-  Weights weights{.config = config, .mode = mode, .name = "untrained(" + std::to_string(seed) + ")", .trained = false,
-                  .parameters = {}, .metadata = {}};
+  Weights weights{.config = config,
+                  .mode = mode,
+                  .name = "untrained(" + std::to_string(seed) + ")",
+                  .trained = false,
+                  .parameters = {},
+                  .metadata = {}};
   Random random(seed);
   for (const ParameterSpec& spec : state_dict(config).parameters) {
     Eigen::MatrixXd matrix(spec.shape[0], spec.shape.size() == 2 ? spec.shape[1] : 1);

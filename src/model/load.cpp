@@ -33,19 +33,20 @@ Result<Mode> mode_of(const TensorMap& map, const ModelOptions& options) {
                                        "\", must be \"scale-exact\" or \"reference\"");
 }
 
-Result<Eigen::MatrixXd> matrix_from(const Tensor& tensor, const ParameterSpec& spec, const std::string& file) {
+Result<Eigen::MatrixXd> matrix_from(const Tensor& tensor, const ParameterSpec& spec,
+                                    const std::string& file) {
   if (tensor.shape != spec.shape)
-    return fail(ErrorCode::bad_file, file + ": tensor " + spec.name + " has shape " + to_string(tensor.shape) +
-                                         ", must be " + to_string(spec.shape));
+    return fail(ErrorCode::bad_file, file + ": tensor " + spec.name + " has shape " +
+                                         to_string(tensor.shape) + ", must be " + to_string(spec.shape));
   if (tensor.type != DType::f32 && tensor.type != DType::f64 && tensor.type != DType::f16 &&
       tensor.type != DType::bf16)
-    return fail(ErrorCode::bad_file, file + ": tensor " + spec.name + " has type " + std::string(name(tensor.type)) +
-                                         ", must be a floating-point type");
+    return fail(ErrorCode::bad_file, file + ": tensor " + spec.name + " has type " +
+                                         std::string(name(tensor.type)) + ", must be a floating-point type");
   const auto values = tensor.to_double();
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]))
-      return fail(ErrorCode::bad_file, file + ": tensor " + spec.name + " holds a non-finite number at element " +
-                                           std::to_string(i));
+      return fail(ErrorCode::bad_file, file + ": tensor " + spec.name +
+                                           " holds a non-finite number at element " + std::to_string(i));
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const auto rows = static_cast<Eigen::Index>(spec.shape[0]);
   const auto cols = spec.shape.size() == 2 ? static_cast<Eigen::Index>(spec.shape[1]) : 1;
@@ -61,9 +62,11 @@ Result<Weights> weights_from_tensors(const TensorMap& map, const ModelOptions& o
   const auto mode = mode_of(map, options);
   if (!mode) return tl::unexpected(mode.error());
 
-  Weights weights{.config = *config, .mode = *mode, .name = file, .trained = true, .parameters = {}, .metadata = {}};
+  Weights weights{
+      .config = *config, .mode = *mode, .name = file, .trained = true, .parameters = {}, .metadata = {}};
   weights.metadata = map.metadata;
-  if (const auto it = map.metadata.find(trained_key); it != map.metadata.end()) weights.trained = it->second == "true";
+  if (const auto it = map.metadata.find(trained_key); it != map.metadata.end())
+    weights.trained = it->second == "true";
 
   const StateDict dict = state_dict(*config);
   std::map<std::string, const Tensor*> found;  // canonical name → the tensor that was seen first
@@ -86,7 +89,8 @@ Result<Weights> weights_from_tensors(const TensorMap& map, const ModelOptions& o
   }
   for (const auto& [tensor_name, tensor] : found)
     if (!dict.buffers.count(tensor_name))
-      return fail(ErrorCode::bad_file, file + ": tensor " + tensor_name + " does not belong to this configuration");
+      return fail(ErrorCode::bad_file,
+                  file + ": tensor " + tensor_name + " does not belong to this configuration");
   return weights;
 }
 

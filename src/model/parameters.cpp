@@ -33,14 +33,17 @@ class Collector {
     if (bias) add(prefix + "net.6.bias", {n}, Initialisation::bias_uniform, width);
   }
 
-  void convolution(const std::string& prefix, const Fiber& in, const Fiber& out, int sides, int scale_degree) {
+  void convolution(const std::string& prefix, const Fiber& in, const Fiber& out, int sides,
+                   int scale_degree) {
     for (const RadialSpec& spec : radial_specs(in, out, sides)) {
       const std::string owner = prefix + "rp." + spec.owner + ".";
       const ops::RadialBlock& block = spec.block;
       const Size first = dict.parameters.size();
       if (block.tying != ops::Tying::mirrored) {
-        radial_network(owner, sides, block.out_channels * block.in_channels * block.freq(), scale_degree == 0);
-        for (Size i = first; i < dict.parameters.size(); ++i) leaves_[owner].push_back(dict.parameters[i].name);
+        radial_network(owner, sides, block.out_channels * block.in_channels * block.freq(),
+                       scale_degree == 0);
+        for (Size i = first; i < dict.parameters.size(); ++i)
+          leaves_[owner].push_back(dict.parameters[i].name);
       }
       const std::string alias = prefix + "kernel_unary.(" + block.in.str() + "," + block.out.str() + ").rp.";
       for (const std::string& name : leaves_[owner]) dict.aliases[alias + name.substr(owner.size())] = name;
@@ -48,7 +51,8 @@ class Collector {
   }
 
   // One matrix per degree of `out` that `in` has; (p, q) and (q, p) share it.
-  void matrices(const std::string& prefix, const Fiber& in, const Fiber& out, bool per_output_channels = false) {
+  void matrices(const std::string& prefix, const Fiber& in, const Fiber& out,
+                bool per_output_channels = false) {
     const Fiber both = irreps::restrict_to(out, in);
     for (const auto& [d, rows] : both) {
       const Degree owner = matrix_owner(both, d);
@@ -114,7 +118,8 @@ StateDict state_dict(const ModelConfig& config) {
   collect.add(norm + "mean_scale", {scalars}, Initialisation::one);
   collect.add(head + "weight_logit_layer.1.weight", {3, scalars}, Initialisation::bias_uniform,
               static_cast<double>(scalars));
-  collect.add(head + "weight_logit_layer.1.bias", {3}, Initialisation::bias_uniform, static_cast<double>(scalars));
+  collect.add(head + "weight_logit_layer.1.bias", {3}, Initialisation::bias_uniform,
+              static_cast<double>(scalars));
   const int n = config.predict_head;
   collect.matrices(head + "linear_head.transform.", {{{0, 1}, n}, {{1, 0}, n}, {{1, 1}, n}},
                    {{{0, 1}, 1}, {{1, 0}, 1}, {{1, 1}, 1}});

@@ -1,5 +1,5 @@
-// Builds ops::SectorTable: where along the quadrant's rays each LeakyReLU of a radial network changes sign, and the
-// linear map between two such rays.
+// Builds ops::SectorTable: where along the quadrant's rays each LeakyReLU of a radial network changes sign,
+// and the linear map between two such rays.
 #include "ops/sector_table.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -55,8 +55,8 @@ class Fan {
     const Matrix2d local = ends_.transpose() * m * ends_;
     return {local(0, 0), local(0, 1) + local(1, 0), local(1, 1)};
   }
-  // Angles of the roots of p. A root too many only splits a sector in two equal halves, so nearly real ones are taken
-  // as well.
+  // Angles of the roots of p. A root too many only splits a sector in two equal halves, so nearly real ones
+  // are taken as well.
   void add_roots(Poly p, std::vector<double>& angles) const {
     if (!changes_sign(p)) return;
     double largest = 0;
@@ -101,10 +101,10 @@ ArrayXd slopes(const VectorXd& x) {
 
 // One sector's map, before the change of basis: R = slope · (…) + offset.
 struct Sector {
-  double end;        // angle
-  ArrayXd pattern;   // slopes of both layers
-  MatrixXd slope;    // n × 2 or n × 3
-  VectorXd offset;   // n, or empty
+  double end;       // angle
+  ArrayXd pattern;  // slopes of both layers
+  MatrixXd slope;   // n × 2 or n × 3
+  VectorXd offset;  // n, or empty
   Matrix3d Q;
 };
 
@@ -129,7 +129,11 @@ class Divider {
       inner = with_ends(std::move(inner), first[s], first[s + 1]);
       for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
         const ArrayXd d2 = slopes(second * ray((inner[i] + inner[i + 1]) / 2));
-        append({inner[i + 1], joined(d1, d2), net_.w3 * d2.matrix().asDiagonal() * second, {}, Matrix3d::Zero()});
+        append({inner[i + 1],
+                joined(d1, d2),
+                net_.w3 * d2.matrix().asDiagonal() * second,
+                {},
+                Matrix3d::Zero()});
       }
     }
   }
@@ -186,7 +190,8 @@ class Divider {
       const Vector3d p = normalised((inner[i] + inner[i + 1]) / 2);
       const VectorXd h = net_.gain2.asDiagonal() * affine * p / std::sqrt(p.dot(Q * p)) + net_.bias2;
       const ArrayXd d2 = slopes(h);
-      append({inner[i + 1], joined(d1, d2), net_.w3 * (d2 * net_.gain2.array()).matrix().asDiagonal() * affine,
+      append({inner[i + 1], joined(d1, d2),
+              net_.w3 * (d2 * net_.gain2.array()).matrix().asDiagonal() * affine,
               net_.w3 * (d2 * net_.bias2.array()).matrix() + net_.c3, Q});
     }
   }
@@ -243,7 +248,8 @@ ops::SectorTable sector_table(const std::shared_ptr<const ops::RadialNetwork>& n
       const Matrix3d& Q = sector.Q;
       table.Q.push_back({Q(0, 0), 2 * Q(0, 1), Q(1, 1), 2 * Q(0, 2), 2 * Q(1, 2), Q(2, 2)});
     }
-    if (&sector != &divider.sectors.back()) table.rays.push_back({std::cos(sector.end), std::sin(sector.end)});
+    if (&sector != &divider.sectors.back())
+      table.rays.push_back({std::cos(sector.end), std::sin(sector.end)});
   }
   return table;
 }

@@ -17,11 +17,11 @@ constexpr int piece_count = 21;
 
 struct Head {
   irreps::Fiber fiber;
-  double eps = 1e-6;                             ///< of GraphNorm; 0 in scale-exact mode
+  double eps = 1e-6;  ///< of GraphNorm; 0 in scale-exact mode
   Eigen::VectorXd norm_weight, norm_bias, mean_scale;
-  Eigen::MatrixXd logit_weight;                  ///< 3 × c₀
+  Eigen::MatrixXd logit_weight;  ///< 3 × c₀
   Eigen::VectorXd logit_bias;
-  Eigen::RowVectorXd vector_mix, matrix_mix;     ///< 1 × channels of (1,0)/(0,1) and of (1,1)
+  Eigen::RowVectorXd vector_mix, matrix_mix;  ///< 1 × channels of (1,0)/(0,1) and of (1,1)
 };
 
 }  // namespace bitr::ops

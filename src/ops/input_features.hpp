@@ -1,5 +1,5 @@
-// input_features: degree (0,0): the constant 0.5, or the colour; degree (1,0), if normals are used: (y, z, x).
-// in  colors T[P, 3] if used, then normals T[P, 3] if used     out T[P, fiber]
+// input_features: degree (0,0): the constant 0.5, or the colour; degree (1,0), if normals are used: (y, z,
+// x). in  colors T[P, 3] if used, then normals T[P, 3] if used     out T[P, fiber]
 #pragma once
 
 #include "irreps/fiber.hpp"

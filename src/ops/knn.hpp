@@ -1,16 +1,16 @@
 // knn: the k nearest references of every query, within the query's own cloud (or pair).
 // in  queries     T[Q, dim]      in  references  T[P, dim]      (the same tensor when exclude_self)
 // out index       u32[Q, k]      global rows of `references`, ascending (distance, index); ties → lower index
-// Distances are Σ (q − p)² in T, differences taken first; exact in that arithmetic. Every segment of references
-// holds more than k rows (k when the query is not among them).
+// Distances are Σ (q − p)² in T, differences taken first; exact in that arithmetic. Every segment of
+// references holds more than k rows (k when the query is not among them).
 #pragma once
 
 namespace bitr::ops {
 
 struct Knn {
   int k = 24;
-  int dim = 3;                ///< 3, or 6 for pairs of key points
-  bool exclude_self = true;   ///< query row i is reference row i and never its own neighbour
+  int dim = 3;               ///< 3, or 6 for pairs of key points
+  bool exclude_self = true;  ///< query row i is reference row i and never its own neighbour
 };
 
 }  // namespace bitr::ops

@@ -26,8 +26,8 @@
 
 namespace bitr::ops {
 
-using Op = std::variant<AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend, ProjectedRelu,
-                        CloudSoftmax, CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose, MeanDirection,
-                        PointAttention, CloudCoefficients, SoftmaxSum, PairAttention>;
+using Op = std::variant<AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend,
+                        ProjectedRelu, CloudSoftmax, CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose,
+                        MeanDirection, PointAttention, CloudCoefficients, SoftmaxSum, PairAttention>;
 
 }  // namespace bitr::ops

@@ -1,12 +1,13 @@
-// pair_attention: a two-sided attention layer on the degrees {(0,0), (0,1), (1,0), (1,1)} with its messages in the
-// edge's own frames. F₁ and F₂ rotate the two directions onto the first axis; there the kernel commutes with
-// SO(2)×SO(2), so per side only these survive, with r ↦ c their coefficients (exact change of basis from J):
-//   0→0: c    0→1, 1→0: along the axis: c    1→1: c₀ on the axis, c₁·1 + c₂·𝒥 on the plane, 𝒥 = [[0,−1],[1,0]]
-// A two-sided kernel is the tensor product of the two sides' terms. Edges of length zero on a side keep J = 0 only.
-// Radial coefficients come from sector tables (ops/sector_table.hpp).
-// in  features T[pairs·K, fiber_in]   in  index u32[pairs·K, k]   in  positions T[pairs·K, 6]
-// out T[pairs·K, fiber_out]
-// error (float, against double): 5e-5 of the largest output entry.
+// pair_attention: a two-sided attention layer on the degrees {(0,0), (0,1), (1,0), (1,1)} with its messages
+// in the edge's own frames. F₁ and F₂ rotate the two directions onto the first axis; there the kernel
+// commutes with SO(2)×SO(2), so per side only these survive, with r ↦ c their coefficients (exact change of
+// basis from J):
+//   0→0: c    0→1, 1→0: along the axis: c    1→1: c₀ on the axis, c₁·1 + c₂·𝒥 on the plane, 𝒥 =
+//   [[0,−1],[1,0]]
+// A two-sided kernel is the tensor product of the two sides' terms. Edges of length zero on a side keep J = 0
+// only. Radial coefficients come from sector tables (ops/sector_table.hpp). in  features T[pairs·K, fiber_in]
+// in  index u32[pairs·K, k]   in  positions T[pairs·K, 6] out T[pairs·K, fiber_out] error (float, against
+// double): 5e-5 of the largest output entry.
 #pragma once
 
 #include <vector>
@@ -20,8 +21,8 @@ namespace bitr::ops {
 struct PairBlock {
   irreps::Degree in, out;
   int in_channels = 0, out_channels = 0;
-  int out_begin = 0;      ///< first channel within the degree's [values ; keys]
-  int coefficients = 0;   ///< start of (freq, out_channels, in_channels) in the edge's coefficient vector
+  int out_begin = 0;     ///< first channel within the degree's [values ; keys]
+  int coefficients = 0;  ///< start of (freq, out_channels, in_channels) in the edge's coefficient vector
   int freq() const { return (2 * std::min(in.p, out.p) + 1) * (2 * std::min(in.q, out.q) + 1); }
 };
 
@@ -30,11 +31,11 @@ struct PairAttention {
   irreps::Fiber fiber_in, fiber_out;
   irreps::Fiber value_fiber, key_fiber;
   std::vector<PairBlock> blocks;
-  std::vector<SectorTable> tables;   ///< each adds to a range of the coefficient vector
+  std::vector<SectorTable> tables;  ///< each adds to a range of the coefficient vector
   int coefficient_count = 0;
-  DegreeMatrices query;              ///< key channels × in channels, skip and 1/√Σdim included
-  DegreeMatrices project;            ///< out channels × value channels
-  DegreeMatrices self;               ///< out channels × in channels; empty at scale degree 1
+  DegreeMatrices query;    ///< key channels × in channels, skip and 1/√Σdim included
+  DegreeMatrices project;  ///< out channels × value channels
+  DegreeMatrices self;     ///< out channels × in channels; empty at scale degree 1
   bool relu = false;
   DegreeMatrices planes;
 };

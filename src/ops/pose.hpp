@@ -2,7 +2,8 @@
 //   r̂[reference, source] = rᵀ / max(|r|, 1e-5);  R = U Vᵀ of its SVD, last row of Vᵀ negated if det(U Vᵀ) ≤ 0
 //   t = m₂ + b − R m₁ − R a
 // in  pieces T[pairs, 21] (ops/head.hpp)
-// out T[pairs, 16]: R (9, row-major), t (3), singular values of r̂ (3, descending), det(U Vᵀ) before the flip (1)
+// out T[pairs, 16]: R (9, row-major), t (3), singular values of r̂ (3, descending), det(U Vᵀ) before the flip
+// (1)
 #pragma once
 
 namespace bitr::ops {

@@ -16,12 +16,12 @@ constexpr double leaky_slope = 0.2;
 
 struct RadialNetwork {
   int scale_degree = 0;
-  double eps = 1e-8;           ///< of both LayerNorms; 0 in scale-exact mode, where no variance gives the bias
-  Eigen::MatrixXd w1;          ///< 32 × e
+  double eps = 1e-8;   ///< of both LayerNorms; 0 in scale-exact mode, where no variance gives the bias
+  Eigen::MatrixXd w1;  ///< 32 × e
   Eigen::VectorXd gain1, bias1;
-  Eigen::MatrixXd w2;          ///< 32 × 32
+  Eigen::MatrixXd w2;  ///< 32 × 32
   Eigen::VectorXd c2, gain2, bias2;
-  Eigen::MatrixXd w3;          ///< n × 32
+  Eigen::MatrixXd w3;  ///< n × 32
   Eigen::VectorXd c3;
 
   int inputs() const { return static_cast<int>(w1.cols()); }
@@ -30,8 +30,8 @@ struct RadialNetwork {
 
 /// How a two-sided network serves its pair of degrees (swap equivariance, eq. 74 of the paper).
 enum class Tying {
-  direct,       ///< φ(r₁, r₂)
-  mirrored,     ///< φ(r₂, r₁) with the two frequencies exchanged; the network belongs to the mirrored pair
+  direct,    ///< φ(r₁, r₂)
+  mirrored,  ///< φ(r₂, r₁) with the two frequencies exchanged; the network belongs to the mirrored pair
   symmetrised,  ///< ½ (φ(r₁, r₂) + φ(r₂, r₁)ᵀ)
 };
 

@@ -26,7 +26,8 @@ TEST(ClebschGordan, IsOrthogonal) {
   for (int a = 0; a <= max_coupled_degree; ++a)
     for (int b = 0; b <= max_coupled_degree; ++b) {
       const auto& q = clebsch_gordan(a, b);
-      EXPECT_LE((q.transpose() * q - Eigen::MatrixXd::Identity(q.rows(), q.rows())).cwiseAbs().maxCoeff(), 1e-13);
+      EXPECT_LE((q.transpose() * q - Eigen::MatrixXd::Identity(q.rows(), q.rows())).cwiseAbs().maxCoeff(),
+                1e-13);
     }
 }
 

@@ -22,7 +22,8 @@ TEST(SphericalHarmonics, EqualTheMeasuredValues) {
   const Eigen::MatrixXd values = test::read_npy_matrix("golden/escnn/sh_values_deg4.npy");
   ASSERT_EQ(values.cols(), count);
   for (Eigen::Index i = 0; i < points.rows(); ++i)
-    EXPECT_LE((harmonics(points.row(i).transpose()) - values.row(i).transpose()).cwiseAbs().maxCoeff(), 1e-13);
+    EXPECT_LE((harmonics(points.row(i).transpose()) - values.row(i).transpose()).cwiseAbs().maxCoeff(),
+              1e-13);
 }
 
 TEST(SphericalHarmonics, HaveUnitNormInEveryDegree) {
@@ -40,7 +41,8 @@ TEST(SphericalHarmonics, RotateByWignerMatrices) {
     const Eigen::Vector3d v = test::random_unit(random);
     const auto y = harmonics(v), rotated = harmonics(R * v);
     for (int l = 0; l <= max_harmonic_degree; ++l)
-      EXPECT_LE((wigner(l, R) * y.segment(l * l, 2 * l + 1) - rotated.segment(l * l, 2 * l + 1)).norm(), 1e-13);
+      EXPECT_LE((wigner(l, R) * y.segment(l * l, 2 * l + 1) - rotated.segment(l * l, 2 * l + 1)).norm(),
+                1e-13);
   }
 }
 

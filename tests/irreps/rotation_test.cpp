@@ -25,7 +25,8 @@ TEST(Wigner, IsAnOrthogonalHomomorphism) {
     for (int l = 0; l <= 4; ++l) {
       const auto a = wigner(l, A), b = wigner(l, B);
       EXPECT_LE((a * b - wigner(l, A * B)).cwiseAbs().maxCoeff(), 1e-13);
-      EXPECT_LE((a.transpose() * a - Eigen::MatrixXd::Identity(2 * l + 1, 2 * l + 1)).cwiseAbs().maxCoeff(), 1e-13);
+      EXPECT_LE((a.transpose() * a - Eigen::MatrixXd::Identity(2 * l + 1, 2 * l + 1)).cwiseAbs().maxCoeff(),
+                1e-13);
     }
   }
 }
@@ -46,7 +47,9 @@ TEST(Representation, ActsDegreeByDegreeOnBothSides) {
   };
   row.segment<9>(fiber.offset({1, 1}) + 9) = outer(u, w);
   const Eigen::VectorXd turned = full * row;
-  EXPECT_LE((turned.segment<9>(fiber.offset({1, 1}) + 9) - outer(wigner(1, R1) * u, wigner(1, R2) * w)).norm(), 1e-13);
+  EXPECT_LE(
+      (turned.segment<9>(fiber.offset({1, 1}) + 9) - outer(wigner(1, R1) * u, wigner(1, R2) * w)).norm(),
+      1e-13);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The measured tensors of the official code: cases and weights, from the committed data, or from ../shared/golden
-// when that is there.
+// The measured tensors of the official code: cases and weights, from the committed data, or from
+// ../shared/golden when that is there.
 #pragma once
 
 #include <gtest/gtest.h>

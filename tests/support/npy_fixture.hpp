@@ -30,7 +30,8 @@ inline Eigen::MatrixXd read_npy_matrix(const std::string& relative) {
   Eigen::MatrixXd matrix(rows, cols);
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < cols; ++j)
-      std::memcpy(&matrix(i, j), bytes.data() + 10 + header_size + 8 * (fortran ? j * rows + i : i * cols + j), 8);
+      std::memcpy(&matrix(i, j),
+                  bytes.data() + 10 + header_size + 8 * (fortran ? j * rows + i : i * cols + j), 8);
   return matrix;
 }
 
