@@ -92,7 +92,7 @@ double asymmetry(const PointCloud& cloud) {
   for (std::size_t i = 0; i < cloud.size(); ++i)
     covariance += (point(i) - mean) * (point(i) - mean).transpose() / count;
   const Eigen::SelfAdjointEigenSolver<Matrix3d> principal(covariance);
-  const Vector3d variance = principal.eigenvalues();
+  const Vector3d& variance = principal.eigenvalues();
   if (!(variance[0] > 0)) return 0;
 
   // Distinct variances leave only half-turns about the principal axes, and each of those flips two components
@@ -112,7 +112,7 @@ double asymmetry(const PointCloud& cloud) {
 Solid random_solid(Random& random) {
   constexpr double clear = 0.1;
   for (int attempt = 0; attempt < 63; ++attempt) {
-    const Solid solid(random);
+    Solid solid(random);
     if (asymmetry(interior(solid)) >= clear) return solid;
   }
   return Solid(random);
