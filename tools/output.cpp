@@ -21,9 +21,7 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-int exit_status(ErrorCode code) {
-  return code == ErrorCode::degenerate || code == ErrorCode::internal ? run_failed : bad_usage;
-}
+int exit_status(ErrorCode code) { return code == ErrorCode::internal ? run_failed : bad_usage; }
 
 }  // namespace
 

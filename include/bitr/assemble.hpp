@@ -78,14 +78,16 @@ struct StageTime {
   double milliseconds = 0;
 };
 
-/// A model made ready for one device: folded weights, schedule and workspace. Belongs to one thread at a
-/// time.
+/// A model made ready for one device: folded weights, schedule and, from the first assemble() on, workspace.
+/// Belongs to one thread at a time.
 class Plan {
  public:
   const Model& model() const;
   const PlanOptions& options() const;
   Mode mode() const;
   BatchShape capacity() const;
+  /// Memory held for tensors between operations: 0 before the first assemble(), then what the largest batch
+  /// took.
   std::size_t workspace_bytes() const;            ///< memory held for tensors between operations
   std::size_t operation_count() const;            ///< operations a forward pass runs
   const std::vector<StageTime>& timings() const;  ///< of the last assemble(), summed over its forward passes
@@ -101,13 +103,16 @@ class Plan {
   std::unique_ptr<Impl> impl_;
 };
 
+/// `invalid_argument` when the capacity is 0 or beyond 2³²/64 pairs or points; `internal` when memory runs
+/// out.
 Result<Plan> make_plan(const Device& device, const Model& model, const BatchShape& capacity,
                        const PlanOptions& options = {});
 
 /// Assembles every pair. Poses are computed relative to the clouds' centroids, so large coordinates lose
-/// nothing. `invalid_argument` when a cloud has fewer than k+1 points, a non-finite coordinate, no extent,
-/// lacks the normals or colours the model reads, or the batch exceeds the plan's capacity; the message names
-/// the pair and the cloud.
+/// nothing. `invalid_argument` when a cloud has fewer than max(k_neighbor + 1, key_mean_num) points, a
+/// non-finite coordinate, no extent or one beyond the precision (1e-15 … 1e15 in f32, 1e±120 in f64), lacks
+/// the normals or colours the model reads, or the batch exceeds the plan's capacity; the message names the
+/// pair and the cloud.
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options = {});
 

@@ -25,8 +25,8 @@ class Device {
   std::shared_ptr<cpu::ThreadPool> pool_;
 };
 
-/// The CPU backend. `threads` = 0 takes every core the process may run on. Results do not depend on the
-/// number.
+/// The CPU backend. `threads` = 0 takes every core the process may run on; never more than 1024, or than the
+/// system grants (see Device::threads). Results do not depend on the number.
 Device cpu_device(unsigned threads = 0);
 
 }  // namespace bitr

@@ -51,7 +51,7 @@ class Model {
   const ModelConfig& config() const;
   Mode mode() const;                    ///< the mode its file asks for; a plan may override it
   const std::string& name() const;      ///< file stem, or "untrained(seed)"
-  bool trained() const;                 ///< false for untrained_model()
+  bool trained() const;                 ///< false for untrained_model() and what was saved from one
   std::size_t parameter_count() const;  ///< trainable numbers, tied ones counted once
   std::size_t tensor_count() const;     ///< trainable tensors, tied ones counted once
   const model::Weights& weights() const { return *weights_; }
@@ -63,8 +63,9 @@ class Model {
 };
 
 struct ModelOptions {
-  std::string name = "model";  ///< reported by name() and in errors
-  std::optional<Mode> mode;    ///< overrides the file's
+  std::string name =
+      "model";  ///< of bytes in memory: reported by name() and in errors; a file has its path and stem
+  std::optional<Mode> mode;  ///< overrides the file's
 };
 
 /// Reads weights in safetensors form. Tensor names are the official state dict's; aliases may be present but
@@ -84,7 +85,7 @@ Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const Mod
 Result<Model> untrained_model(const ModelConfig& config = {}, std::uint64_t seed = 0,
                               Mode mode = Mode::scale_exact);
 
-/// Safetensors bytes with canonical names, "bitr.config" and "bitr.mode" in the metadata.
+/// Safetensors bytes, float32, with canonical names, "bitr.config" and "bitr.mode" in the metadata.
 std::vector<std::byte> serialize(const Model& model);
 
 }  // namespace bitr

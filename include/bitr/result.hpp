@@ -13,8 +13,7 @@ enum class ErrorCode {
   bad_file,          ///< a file's content is malformed; the message names the file, the offset and the limit
   io,                ///< the operating system refused to open, read or write
   unsupported,       ///< valid, but not something this build or backend can do
-  degenerate,        ///< the input does not determine a pose
-  internal,          ///< a broken invariant of the library itself
+  internal,          ///< memory ran out, or an invariant of the library itself is broken
 };
 
 /// What went wrong: the message is one line that names the value and the limit it broke.

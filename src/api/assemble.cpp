@@ -1,6 +1,8 @@
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
+#include "api/guarded.hpp"
 #include "api/plan.hpp"
 
 namespace bitr {
@@ -22,11 +24,16 @@ Pose uncentred(Pose T, const Vec3d& source, const Vec3d& reference) {
   return T;
 }
 
+double rotation_gap(const RawPose& raw) {
+  const auto [s1, s2, s3] = raw.singular_values;
+  return s1 > 0 ? (s2 + (raw.determinant > 0 ? s3 : -s3)) / s1 : 0;
+}
+
 void judge(const RawPose& raw, Assembly& assembly) {
   Diagnostics& d = assembly.diagnostics;
   d.singular_values = raw.singular_values;
   const auto [s1, s2, s3] = raw.singular_values;
-  d.rotation_gap = s1 > 0 ? (s2 + (raw.determinant > 0 ? s3 : -s3)) / s1 : 0;
+  d.rotation_gap = rotation_gap(raw);
   if (!finite(assembly.T_reference_source)) {
     assembly.status = Status::failed;
     d.degenerate = true;
@@ -60,37 +67,95 @@ double residual(const Pose& pose, double size) {
   return std::sqrt(sum);
 }
 
-// One forward pass over pairs, in the clouds' own frames.
+// The rotation comes rounded to the plan's precision: a Newton step towards its polar factor makes it
+// orthonormal to the square of that error, so that far-away centroids turn exactly.
+std::array<double, 9> orthonormalised(const double* rows) {
+  using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const Matrix3 R = Eigen::Map<const Matrix3>(rows);
+  const Matrix3 refined = 0.5 * R * (3 * Matrix3::Identity() - R.transpose() * R);
+  std::array<double, 9> result;
+  Eigen::Map<Matrix3>(result.data()) = refined;
+  return result;
+}
+
+// One forward pass over pairs, relative to the clouds' centroids.
 struct Pass {
   PackedBatch batch;
   std::vector<RawPose> raw;
-  std::vector<Pose> poses;
   std::vector<double> key_points;
 };
 
 Result<Pass> forward(Plan::Impl& plan, std::span<const CloudPair> pairs) {
   auto batch = pack(plan, pairs);
   if (!batch) return tl::unexpected(batch.error());
-  Pass pass;
-  pass.batch = std::move(*batch);
+  Pass pass{std::move(*batch), {}, {}};
   plan.run(pass.batch);
+  const auto rows = plan.runner->tensor(plan.runner->graph().pose);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    pass.raw.push_back(plan.raw_pose(i));
-    pass.poses.push_back(uncentred(pass.raw[i].T_reference_source, pass.batch.centroids[i],
-                                   pass.batch.centroids[pairs.size() + i]));
+    const double* row = rows.data() + i * ops::pose_width;
+    pass.raw.push_back(
+        {{orthonormalised(row), {row[9], row[10], row[11]}}, {row[12], row[13], row[14]}, row[15]});
   }
   pass.key_points = plan.runner->tensor(plan.runner->graph().key_points);
   return pass;
 }
 
-// Another pass over pairs made from the caller's, whose clouds have been checked.
+// Another pass over pairs made from the caller's.
 template <class Make>
-Result<std::vector<Pose>> forward_poses(Plan::Impl& plan, std::span<const CloudPair> pairs, Make make) {
+Result<Pass> forward_made(Plan::Impl& plan, std::span<const CloudPair> pairs, Make make) {
   std::vector<CloudPair> made;
   for (const CloudPair& pair : pairs) made.push_back(make(pair));
-  auto pass = forward(plan, made);
+  return forward(plan, made);
+}
+
+Result<std::vector<Assembly>> assemble_checked(Plan::Impl& impl, std::span<const CloudPair> pairs,
+                                               const AssembleOptions& options) {
+  impl.timings.clear();
+  if (pairs.empty()) return std::vector<Assembly>();
+  // One after the other, so that options cost time and not memory.
+  const auto pass = forward(impl, pairs);
   if (!pass) return tl::unexpected(pass.error());
-  return std::move(pass->poses);
+  Result<Pass> own, swapped;
+  if (options.complete_match)
+    own = forward_made(impl, pairs, [](const CloudPair& pair) {
+      return CloudPair{pair.source, pair.source};
+    });
+  if (options.swap_residual)
+    swapped = forward_made(impl, pairs, [](const CloudPair& pair) {
+      return CloudPair{pair.reference, pair.source};
+    });
+  if (!own) return tl::unexpected(own.error());
+  if (!swapped) return tl::unexpected(swapped.error());
+
+  std::vector<Assembly> assemblies(pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    Assembly& assembly = assemblies[i];
+    const RawPose *found = &pass->raw[i], *doubtful = found;
+    Pose pose = found->T_reference_source;
+    if (options.complete_match) {
+      // Both passes read the source from the same centroid, so their poses compose as they are.
+      const RawPose& self = own->raw[i];
+      pose = pose * self.T_reference_source;
+      if (rotation_gap(self) < rotation_gap(*found)) doubtful = &self;
+    }
+    assembly.T_reference_source =
+        uncentred(pose, pass->batch.centroids[i], pass->batch.centroids[pairs.size() + i]);
+    assembly.source_key_points = key_points(pass->key_points, pass->batch, i);
+    assembly.reference_key_points = key_points(pass->key_points, pass->batch, pairs.size() + i);
+    judge(*doubtful, assembly);
+    if (assembly.status == Status::failed) {
+      assembly.T_reference_source.rotation.fill(std::nan(""));
+      assembly.T_reference_source.translation.fill(std::nan(""));
+      continue;
+    }
+    if (options.swap_residual)
+      assembly.diagnostics.swap_residual =
+          residual(found->T_reference_source * swapped->raw[i].T_reference_source,
+                   diagonal(pairs[i].reference.positions));
+    if (options.diagnostics)
+      measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
+  }
+  return assemblies;
 }
 
 }  // namespace
@@ -107,43 +172,7 @@ BatchShape shape_of(std::span<const CloudPair> pairs) {
 
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options) {
-  if (pairs.empty()) return std::vector<Assembly>();
-  Plan::Impl& impl = plan.impl();
-  impl.timings.clear();
-  // One after the other, so that options cost time and not memory.
-  const auto pass = forward(impl, pairs);
-  if (!pass) return tl::unexpected(pass.error());
-  Result<std::vector<Pose>> own, swapped;
-  if (options.complete_match)
-    own = forward_poses(impl, pairs, [](const CloudPair& pair) {
-      return CloudPair{pair.source, pair.source};
-    });
-  if (options.swap_residual)
-    swapped = forward_poses(impl, pairs, [](const CloudPair& pair) {
-      return CloudPair{pair.reference, pair.source};
-    });
-  if (!own) return tl::unexpected(own.error());
-  if (!swapped) return tl::unexpected(swapped.error());
-
-  std::vector<Assembly> assemblies(pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    Assembly& assembly = assemblies[i];
-    assembly.T_reference_source = options.complete_match ? pass->poses[i] * (*own)[i] : pass->poses[i];
-    assembly.source_key_points = key_points(pass->key_points, pass->batch, i);
-    assembly.reference_key_points = key_points(pass->key_points, pass->batch, pairs.size() + i);
-    judge(pass->raw[i], assembly);
-    if (assembly.status == Status::failed) {
-      assembly.T_reference_source.rotation.fill(std::nan(""));
-      assembly.T_reference_source.translation.fill(std::nan(""));
-      continue;
-    }
-    if (options.swap_residual)
-      assembly.diagnostics.swap_residual =
-          residual(pass->poses[i] * (*swapped)[i], diagonal(pairs[i].reference.positions));
-    if (options.diagnostics)
-      measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
-  }
-  return assemblies;
+  return guarded([&] { return assemble_checked(plan.impl(), pairs, options); });
 }
 
 }  // namespace bitr

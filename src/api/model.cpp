@@ -1,6 +1,7 @@
 #include <bitr/io.hpp>
 #include <bitr/model.hpp>
 
+#include "api/guarded.hpp"
 #include "io/safetensors.hpp"
 #include "io/torch_checkpoint.hpp"
 #include "model/load.hpp"
@@ -9,24 +10,23 @@
 namespace bitr {
 namespace {
 
-Result<Model> make_model(const Result<TensorMap>& map, const ModelOptions& options) {
+// `options.name` labels errors; the model is then called `name`.
+Result<Model> make_model(const Result<TensorMap>& map, const ModelOptions& options, std::string name) {
   if (!map) return tl::unexpected(map.error());
   auto weights = model::weights_from_tensors(*map, options);
   if (!weights) return tl::unexpected(weights.error());
+  weights->name = std::move(name);
   return Model(std::make_shared<const model::Weights>(std::move(*weights)));
 }
 
-// A file's model is called by the file's stem; errors name the whole path.
 template <class Parse>
 Result<Model> read_model(const std::filesystem::path& path, const ModelOptions& options, Parse parse) {
-  const auto bytes = io::read_file(path);
-  if (!bytes) return tl::unexpected(bytes.error());
-  const auto map = parse(*bytes, path.string());
-  if (!map) return tl::unexpected(map.error());
-  auto weights = model::weights_from_tensors(*map, {.name = path.string(), .mode = options.mode});
-  if (!weights) return tl::unexpected(weights.error());
-  weights->name = path.stem().string();
-  return Model(std::make_shared<const model::Weights>(std::move(*weights)));
+  return guarded([&]() -> Result<Model> {
+    const auto bytes = io::read_file(path);
+    if (!bytes) return tl::unexpected(bytes.error());
+    return make_model(parse(*bytes, path.string()), {.name = path.string(), .mode = options.mode},
+                      path.stem().string());
+  });
 }
 
 }  // namespace
@@ -43,7 +43,8 @@ std::size_t Model::parameter_count() const {
 }
 
 Result<Model> load_model(std::span<const std::byte> safetensors, const ModelOptions& options) {
-  return make_model(io::parse_safetensors(safetensors, options.name), options);
+  return guarded(
+      [&] { return make_model(io::parse_safetensors(safetensors, options.name), options, options.name); });
 }
 
 Result<Model> load_model(const std::filesystem::path& path, const ModelOptions& options) {
@@ -56,7 +57,9 @@ Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const Mod
 
 Result<Model> untrained_model(const ModelConfig& config, std::uint64_t seed, Mode mode) {
   if (auto ok = validate(config); !ok) return tl::unexpected(ok.error());
-  return Model(std::make_shared<const model::Weights>(model::initial_weights(config, seed, mode)));
+  return guarded([&]() -> Result<Model> {
+    return Model(std::make_shared<const model::Weights>(model::initial_weights(config, seed, mode)));
+  });
 }
 
 std::vector<std::byte> serialize(const Model& model) {

@@ -14,7 +14,8 @@ struct PackedBatch {
   std::vector<Vec3d> centroids;
 };
 
-/// One pair as the network returned it, relative to the clouds' centroids.
+/// One pair as the network returned it, relative to the clouds' centroids; the rotation made orthonormal in
+/// double.
 struct RawPose {
   Pose T_reference_source;
   std::array<double, 3> singular_values;
@@ -34,7 +35,8 @@ class Runner {
 };
 
 /// `retain`: every tensor can be read after a run.
-std::unique_ptr<Runner> make_runner(const Model& model, Mode mode, const PlanOptions& options, bool retain);
+Result<std::unique_ptr<Runner>> make_runner(const Model& model, Mode mode, const PlanOptions& options,
+                                            bool retain);
 
 struct Plan::Impl {
   Device device;
@@ -45,12 +47,12 @@ struct Plan::Impl {
   std::unique_ptr<Runner> runner;
   std::vector<StageTime> timings;
 
-  RawPose raw_pose(std::size_t pair) const;
   /// Runs one batch and adds to the timings.
   void run(const PackedBatch& batch);
 };
 
-/// Checks clouds and lays out the batch (all sources, then all references).
+/// Checks clouds and lays out the batch (all sources, then all references). `invalid_argument` names the
+/// cloud.
 Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs);
 
 /// Overlap and inliers at the found pose.

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
+#include <set>
 
+#include "api/guarded.hpp"
 #include "api/plan.hpp"
 
 namespace bitr {
@@ -24,26 +26,29 @@ StageDifference compare(std::string stage, const std::vector<double>& a, const s
   return {std::move(stage), largest > 0 ? worst / largest : worst, bound};
 }
 
-}  // namespace
-
-Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
-  Plan::Impl& impl = plan.impl();
+Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const CloudPair& pair) {
   const auto batch = pack(impl, {&pair, 1});
   if (!batch) return tl::unexpected(batch.error());
   const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
-  const auto tested = make_runner(impl.model, impl.mode, impl.options, true);
-  const auto truth = make_runner(impl.model, impl.mode, truth_options, true);
+  const auto made = make_runner(impl.model, impl.mode, impl.options, true);
+  const auto made_truth = make_runner(impl.model, impl.mode, truth_options, true);
+  if (!made) return tl::unexpected(made.error());
+  if (!made_truth) return tl::unexpected(made_truth.error());
+  Runner *tested = made->get(), *truth = made_truth->get();
   tested->run(*batch, impl.device.pool());
   truth->run(*batch, impl.device.pool());
 
   const bool single =
       impl.options.precision == Precision::f32 || (impl.mode == Mode::reference && !impl.options.as_defined);
   std::vector<StageDifference> differences;
-  const auto& tensors = tested->graph().tensors;
+  const graph::Graph& graph = tested->graph();
+  const auto& tensors = graph.tensors;
+  // The pose is compared by its parts below.
+  const std::set<graph::TensorId> given = {graph.positions, graph.normals, graph.colors, graph.pose};
   for (std::size_t i = 0; i < tensors.size(); ++i) {
     const auto id = static_cast<graph::TensorId>(i);
     const graph::TensorId other = truth->graph().find(tensors[i].name);
-    if (other == graph::no_tensor || id == tested->graph().pose || id == tested->graph().positions) continue;
+    if (other == graph::no_tensor || given.count(id)) continue;
     if (tensors[i].kind == graph::Kind::index) {
       // Neighbours: the share of the list that differs.
       const auto a = tested->indices(id), b = truth->indices(other);
@@ -65,6 +70,12 @@ Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
   differences.push_back(compare("out.t", part(pose, 9, 12), part(expected, 9, 12),
                                 single ? translation_bound_f32 : stage_bound_f64));
   return differences;
+}
+
+}  // namespace
+
+Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
+  return guarded([&] { return verify_checked(plan.impl(), pair); });
 }
 
 }  // namespace bitr

@@ -12,8 +12,6 @@ std::string_view name(ErrorCode code) {
       return "io";
     case ErrorCode::unsupported:
       return "unsupported";
-    case ErrorCode::degenerate:
-      return "degenerate";
     case ErrorCode::internal:
       return "internal";
   }

@@ -6,22 +6,13 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// How many rows the appended constants of degree 0 take, and where they begin.
-class Appended {
- public:
-  explicit Appended(const ops::CloudCoefficients& op) : own_(op.layer.c0), all_(op.full.c0) {}
-
-  // A matrix on [extended f⁰ ; 1] as a matrix on [own f⁰ ; 1].
-  MatrixXd condense(const MatrixXd& full, const VectorXd& constants) const {
-    MatrixXd condensed(full.rows(), own_ + 1);
-    condensed.leftCols(own_) = full.leftCols(own_);
-    condensed.col(own_) = full.middleCols(own_, all_ - own_) * constants + full.col(all_);
-    return condensed;
-  }
-
- private:
-  int own_, all_;
-};
+// A matrix on [own f⁰ ; appended f⁰ ; 1] as a matrix on [own f⁰ ; 1], the appended features being constants.
+MatrixXd condense(const MatrixXd& full, int own, const VectorXd& appended) {
+  MatrixXd condensed(full.rows(), own + 1);
+  condensed.leftCols(own) = full.leftCols(own);
+  condensed.col(own) = full.middleCols(own, appended.size()) * appended + full.rightCols<1>();
+  return condensed;
+}
 
 template <class T>
 class CloudCoefficientsKernel : public Kernel<T> {
@@ -67,15 +58,14 @@ class CloudCoefficientsKernel : public Kernel<T> {
   void write(const VectorXd& scalars, const RowMatrix<double>& vectors, T* to) const {
     const ops::PointAttention &full = op_.full, &layer = op_.layer;
     const int heads = layer.heads, n = layer.n0(), n_full = full.n0(), z = layer.c0 + 1, z_full = full.c0 + 1;
-    const Appended appended(op_);
     const Paths path = paths(scalars, vectors);
 
     MatrixXd M0(heads * n, z), O0(layer.m0, heads * n), Mz0 = MatrixXd::Zero(heads * z, z),
                                                         Oz0(layer.m0, heads * z);
-    MatrixXd S0 = appended.condense(full.S0, scalars);
+    MatrixXd S0 = condense(full.S0, layer.c0, scalars);
     for (int h = 0; h < heads; ++h) {
-      const MatrixXd M = appended.condense(full.M0.middleRows(h * n_full, n_full), scalars);
-      const MatrixXd Mz = appended.condense(full.Mz0.middleRows(h * z_full, z_full), scalars);
+      const MatrixXd M = condense(full.M0.middleRows(h * n_full, n_full), layer.c0, scalars);
+      const MatrixXd Mz = condense(full.Mz0.middleRows(h * z_full, z_full), layer.c0, scalars);
       const MatrixXd O = full.O0.middleCols(h * n_full, n_full), Oz = full.Oz0.middleCols(h * z_full, z_full);
       const int c0 = layer.c0, extra = full.c0 - c0;
       M0.middleRows(h * n, n) = path.own * M;

@@ -37,8 +37,13 @@ void Executor<T>::prepare(const graph::BatchLayout& layout) {
                     (info.kind == graph::Kind::index ? sizeof(std::uint32_t) : sizeof(T)));
   }
   const graph::MemoryPlan plan = graph::plan_memory(graph_, sizes, retain_);
-  if (arena_.size() < plan.bytes + graph::arena_alignment) arena_.resize(plan.bytes + graph::arena_alignment);
-  auto base = reinterpret_cast<std::uintptr_t>(arena_.data());
+  if (const std::size_t needed = plan.bytes + graph::arena_alignment; arena_bytes_ < needed) {
+    arena_bytes_ = 0;
+    arena_.reset();  // before the new one is taken
+    arena_ = std::make_unique_for_overwrite<std::byte[]>(needed);
+    arena_bytes_ = needed;
+  }
+  auto base = reinterpret_cast<std::uintptr_t>(arena_.get());
   base = (base + graph::arena_alignment - 1) / graph::arena_alignment * graph::arena_alignment;
   for (std::size_t i = 0; i < slots_.size(); ++i)
     slots_[i].data = reinterpret_cast<void*>(base + plan.offset[i]);

@@ -16,7 +16,8 @@ class Executor {
   /// `graph` holds executable operations only. `retain`: every tensor keeps its values after a run.
   Executor(graph::Graph graph, bool retain);
 
-  /// Lays the arena out for this batch; memory is only ever taken when a batch is larger than all before it.
+  /// Lays the arena out for this batch; the arena only ever grows, when a batch is larger
+  /// than all before it.
   void prepare(const graph::BatchLayout& layout);
   /// After prepare(), before run(): where to write positions, normals, colours.
   /// After run(): where to read outputs, and with `retain` any tensor.
@@ -28,7 +29,7 @@ class Executor {
 
   const graph::Graph& graph() const { return graph_; }
   const graph::BatchLayout& layout() const { return layout_; }
-  std::size_t workspace_bytes() const { return arena_.size(); }
+  std::size_t workspace_bytes() const { return arena_bytes_; }
   /// Milliseconds per node of the last run.
   const std::vector<double>& node_milliseconds() const { return milliseconds_; }
 
@@ -37,7 +38,8 @@ class Executor {
   bool retain_;
   std::vector<KernelPtr<T>> kernels_;  // one per node
   graph::BatchLayout layout_;
-  std::vector<std::byte> arena_;
+  std::unique_ptr<std::byte[]> arena_;
+  std::size_t arena_bytes_ = 0;
   std::vector<Slot> slots_;
   std::vector<double> milliseconds_;
 };

@@ -49,6 +49,14 @@ T distance_of(const Candidate<T>& candidate) {
     return candidate.distance;
 }
 
+// Fewer than k are found only when distances are not finite. Any valid row will do then: the numbers that
+// made them reach the pose and mark it as failed.
+template <class T>
+void write_nearest(const std::vector<Candidate<T>>& found, int k, std::uint32_t base, std::uint32_t* out) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(k); ++i)
+    out[i] = base + (i < found.size() ? index_of<T>(found[i]) : 0);
+}
+
 // Structure of arrays, padded to whole lanes with points at infinity.
 template <class T>
 struct Coordinates {
@@ -70,7 +78,7 @@ template <class T>
 class BruteForce {
  public:
   BruteForce(const Coordinates<T>& points, int k)
-      : points_(points), k_(k), distance_(points.padded), near_(points.padded + 1) {}
+      : points_(points), k_(k), distance_(points.padded), near_(points.count + 1) {}
 
   // `self`: reference to leave out; ≥ count for none.
   void search(const T* query, std::size_t self, std::uint32_t base, std::uint32_t* out) {
@@ -81,7 +89,7 @@ class BruteForce {
     std::size_t count = 0;
     const T* distance = distance_.data();
     std::uint32_t* near = near_.data();
-    for (std::size_t j = 0; j < points_.padded; ++j) {
+    for (std::size_t j = 0; j < points_.count; ++j) {
       near[count] = static_cast<std::uint32_t>(j);
       count += distance[j] <= limit;
     }
@@ -90,7 +98,7 @@ class BruteForce {
     if (count > 2 * static_cast<std::size_t>(k_))
       std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
     std::sort(found_.begin(), found_.begin() + std::min<std::size_t>(count, 2 * k_));
-    for (int i = 0; i < k_; ++i) out[i] = base + index_of<T>(found_[i]);
+    write_nearest(found_, k_, base, out);
   }
 
  private:
@@ -251,8 +259,7 @@ class KnnKernel : public Kernel<T> {
                           const std::size_t q = leaf_order ? tree.vAcc[i] : i;
                           nearest.reset(static_cast<std::uint32_t>(self(q)));
                           tree.findNeighbors(nearest, queries + 3 * q, {});
-                          for (int j = 0; j < op_.k; ++j)
-                            out[q * op_.k + j] = base + index_of<T>(nearest.found()[j]);
+                          write_nearest(nearest.found(), op_.k, base, out + q * op_.k);
                         }
                       });
   }

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "cpu/kernel.hpp"
 
 namespace bitr::cpu {

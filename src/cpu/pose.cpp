@@ -1,5 +1,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <algorithm>
+#include <limits>
 
 #include "cpu/kernel.hpp"
 

@@ -14,7 +14,6 @@ class Radial {
   explicit Radial(const ops::RadialNetwork& network);
   /// lengths: inputs × E (a column per edge); returns outputs × E.
   Matrix evaluate(const Matrix& lengths) const;
-  int inputs() const { return static_cast<int>(w1_.cols()); }
 
  private:
   using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;

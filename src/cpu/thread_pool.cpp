@@ -3,7 +3,7 @@
 #include <sched.h>
 
 #include <algorithm>
-#include <fstream>
+#include <system_error>
 
 namespace bitr::cpu {
 namespace {
@@ -14,23 +14,21 @@ unsigned allowed_cores() {
   return std::max(1u, std::thread::hardware_concurrency());
 }
 
-std::string processor_name() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);)
-    if (line.rfind("model name", 0) == 0)
-      if (const auto at = line.find(": "); at != std::string::npos) return line.substr(at + 2);
-  return "CPU";
-}
-
 // Operations follow each other within microseconds: a worker looks this often for the next one before it
 // sleeps.
 constexpr int spins_before_sleep = 2000;
+constexpr unsigned most_threads = 1024;
 
 }  // namespace
 
-ThreadPool::ThreadPool(unsigned threads) : processor_(processor_name()) {
-  const unsigned count = threads == 0 ? allowed_cores() : threads;
-  for (unsigned i = 1; i < count; ++i) workers_.emplace_back([this] { work(); });
+ThreadPool::ThreadPool(unsigned threads) {
+  const unsigned count = std::min(threads == 0 ? allowed_cores() : threads, most_threads);
+  workers_.reserve(count);
+  try {
+    for (unsigned i = 1; i < count; ++i) workers_.emplace_back([this] { work(); });
+  } catch (const std::system_error&) {
+    // Those that started do the work.
+  }
 }
 
 ThreadPool::~ThreadPool() {
@@ -47,7 +45,12 @@ void ThreadPool::drain(Job& job) {
   for (;;) {
     const std::size_t begin = job.next.fetch_add(job.grain, std::memory_order_relaxed);
     if (begin >= job.count) return;
-    (*job.body)(begin, std::min(begin + job.grain, job.count));
+    try {
+      (*job.body)(begin, std::min(begin + job.grain, job.count));
+    } catch (...) {
+      if (!job.failed.test_and_set()) job.error = std::current_exception();
+      job.next = job.count;
+    }
   }
 }
 
@@ -59,7 +62,7 @@ void ThreadPool::parallel_for(std::size_t count, std::size_t grain,
     return;
   }
   const std::lock_guard turn(callers_);
-  Job job{&body, count, grain, {}};
+  Job job{.body = &body, .count = count, .grain = grain};
   {
     const std::lock_guard lock(mutex_);
     job_ = &job;
@@ -71,6 +74,7 @@ void ThreadPool::parallel_for(std::size_t count, std::size_t grain,
   std::unique_lock lock(mutex_);
   done_.wait(lock, [&] { return busy_ == 0; });
   job_ = nullptr;
+  if (job.error) std::rethrow_exception(job.error);
 }
 
 void ThreadPool::work() {

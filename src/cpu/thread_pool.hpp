@@ -5,9 +5,9 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <mutex>
-#include <string>
 #include <thread>
 #include <vector>
 
@@ -15,17 +15,17 @@ namespace bitr::cpu {
 
 class ThreadPool {
  public:
-  /// 0: every core the process may run on.
+  /// 0: every core the process may run on. Fewer than asked for when the system refuses more (see threads()).
   explicit ThreadPool(unsigned threads = 0);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
   unsigned threads() const { return static_cast<unsigned>(workers_.size()) + 1; }
-  const std::string& processor() const { return processor_; }
 
   /// Calls body(begin, end) on pieces of [0, count) of at most `grain` items, on all threads; returns when
-  /// all are done. Calls from different threads take turns. `body` must not throw or call parallel_for.
+  /// all are done. Calls from different threads take turns. What `body` throws is thrown here, once the other
+  /// threads have finished. `body` must not call parallel_for.
   void parallel_for(std::size_t count, std::size_t grain,
                     const std::function<void(std::size_t, std::size_t)>& body);
 
@@ -34,11 +34,12 @@ class ThreadPool {
     const std::function<void(std::size_t, std::size_t)>* body;
     std::size_t count, grain;
     std::atomic<std::size_t> next{0};
+    std::exception_ptr error = nullptr;  // the first one; guarded by `failed`
+    std::atomic_flag failed = ATOMIC_FLAG_INIT;
   };
   void work();
   static void drain(Job& job);
 
-  std::string processor_;
   std::vector<std::thread> workers_;
   std::mutex callers_;  // one parallel_for at a time
   std::mutex mutex_;

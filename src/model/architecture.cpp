@@ -24,6 +24,13 @@ Fiber LayerSpec::value_fiber() const {
 
 Fiber LayerSpec::key_fiber() const { return irreps::restrict_to(value_fiber(), in); }
 
+Fiber ReluSpec::turned() const {
+  Fiber::Map parts;
+  for (const auto& [d, m] : fiber)
+    if (d != Degree{0, 0}) parts[d] = m;
+  return Fiber(std::move(parts));
+}
+
 Architecture architecture(const ModelConfig& config) {
   Architecture net;
   net.input = {config.get_color, config.return_normals};

@@ -33,6 +33,8 @@ struct ReluSpec {
   std::string prefix;
   std::string stage;
   irreps::Fiber fiber;
+
+  irreps::Fiber turned() const;  ///< the degrees other than (0, 0), which have planes
 };
 
 struct Architecture {

@@ -150,10 +150,7 @@ class Builder {
   }
 
   TensorId relu(const ReluSpec& spec, TensorId feature, Rows rows) {
-    Fiber::Map turned;
-    for (const auto& [d, m] : spec.fiber)
-      if (d != Degree{0, 0}) turned[d] = m;
-    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", Fiber(std::move(turned)))};
+    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", spec.turned())};
     const TensorId out = graph_.add(spec.stage, rows, spec.fiber);
     graph_.append(spec.stage, std::move(op), {feature}, {out});
     return out;

@@ -75,6 +75,15 @@ std::string to_json(const ModelConfig& config) {
   return json.dump();
 }
 
+namespace {
+
+// Never a whole document: printing one recurses as deep as it is nested.
+std::string shown(const nlohmann::json& value) {
+  return value.is_number() || value.is_boolean() ? value.dump() : std::string(value.type_name());
+}
+
+}  // namespace
+
 Result<ModelConfig> config_from_json(std::string_view text, const std::string& file) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
   if (!json.is_object())
@@ -82,13 +91,13 @@ Result<ModelConfig> config_from_json(std::string_view text, const std::string& f
   ModelConfig config;
   const auto wrong = [&](const char* name) {
     return fail(ErrorCode::bad_file,
-                file + ": bitr.config." + name + " is " + json[name].dump() + ", not a number");
+                file + ": bitr.config." + name + " is " + shown(json[name]) + ", not a number");
   };
   for (const Field& field : fields) {
     if (!json.contains(field.name)) continue;
     const auto& value = json[field.name];
     if (!value.is_number_integer() || value < field.low || value > field.high)
-      return fail(ErrorCode::bad_file, file + ": bitr.config." + field.name + " is " + value.dump() +
+      return fail(ErrorCode::bad_file, file + ": bitr.config." + field.name + " is " + shown(value) +
                                            ", must be " + std::to_string(field.low) + " … " +
                                            std::to_string(field.high));
     config.*field.value = value.get<int>();

@@ -3,6 +3,7 @@
 
 #include "ops/attention_layer.hpp"
 #include "ops/cloud_coefficients.hpp"
+#include "ops/extend_features.hpp"
 #include "ops/mean_direction.hpp"
 #include "ops/pair_attention.hpp"
 #include "ops/point_attention.hpp"

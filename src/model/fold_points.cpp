@@ -145,7 +145,7 @@ ops::MeanDirection mean_direction(const ops::PointAttention& first, double const
 
 ops::CloudCoefficients cloud_coefficients(const ops::PointAttention& full,
                                           const ops::ExtendFeatures& extend) {
-  ops::CloudCoefficients op{extend, full, {}};
+  ops::CloudCoefficients op{full, {}};
   op.layer.c0 = extend.fiber.channels(scalar);
   op.layer.c1 = extend.fiber.channels(vector);
   op.layer.m0 = full.m0;

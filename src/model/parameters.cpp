@@ -82,11 +82,7 @@ class Collector {
   }
 
   void relu(const ReluSpec& spec) {
-    Fiber turned = spec.fiber;
-    Fiber::Map parts;
-    for (const auto& [d, m] : spec.fiber)
-      if (d != Degree{0, 0}) parts[d] = m;
-    turned = Fiber(std::move(parts));
+    const Fiber turned = spec.turned();
     matrices(spec.prefix + "param_dict.plane_", turned, turned, true);
   }
 

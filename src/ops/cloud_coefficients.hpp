@@ -5,13 +5,11 @@
 // Mᶻ₀, Oᶻ₀ of `layer` (ops/point_attention.hpp)
 #pragma once
 
-#include "ops/extend_features.hpp"
 #include "ops/point_attention.hpp"
 
 namespace bitr::ops {
 
 struct CloudCoefficients {
-  ExtendFeatures extend;
   PointAttention full;   ///< the layer on the extended features
   PointAttention layer;  ///< the layer on the points' own features, with per-cloud coefficients
 };

@@ -1,7 +1,6 @@
 // Every operation a graph may hold.
 #pragma once
 
-#include <string_view>
 #include <variant>
 
 #include "ops/attend.hpp"

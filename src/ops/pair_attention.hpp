@@ -10,6 +10,7 @@
 // double): 5e-5 of the largest output entry.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "ops/linear.hpp"

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <memory>
 
 #include "irreps/fiber.hpp"
@@ -23,9 +24,6 @@ struct RadialNetwork {
   Eigen::VectorXd c2, gain2, bias2;
   Eigen::MatrixXd w3;  ///< n × 32
   Eigen::VectorXd c3;
-
-  int inputs() const { return static_cast<int>(w1.cols()); }
-  int outputs() const { return static_cast<int>(w3.rows()); }
 };
 
 /// How a two-sided network serves its pair of degrees (swap equivariance, eq. 74 of the paper).

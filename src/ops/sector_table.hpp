@@ -4,7 +4,7 @@
 //   scale degree 1:  R = A_s ρ
 //   scale degree 0:  (x, y) = ρ/√(q(ρ)+eps);  v = (x, y, 1)/√(Q_s(x, y, 1)+eps);  R = B_s v + c_s
 // with q, Q_s the LayerNorms' variances as quadratic forms. The pattern is the eps = 0 one, so where eps
-// matters (q(ρ) < 1e4·eps, or q(ρ) = 0) the network itself is evaluated.
+// matters (q(ρ) or Q_s below 1e4·eps, or 0) the network itself is evaluated.
 #pragma once
 
 #include <Eigen/Core>

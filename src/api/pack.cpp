@@ -1,0 +1,120 @@
+// What the network accepts: every number of a batch is looked at before anything is computed.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "api/plan.hpp"
+
+namespace bitr {
+namespace {
+
+// Extents whose squares, and the squares' sums, stay far inside the arithmetic's range.
+struct Range {
+  double least, most;
+};
+constexpr Range range_f32{1e-15, 1e15}, range_f64{1e-120, 1e120};
+
+std::string cloud_label(std::size_t cloud, std::size_t pairs) {
+  const std::string side = cloud < pairs ? "source" : "reference";
+  return pairs == 1 ? side + " cloud" : side + " cloud of pair " + std::to_string(cloud % pairs);
+}
+
+std::string shortest(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+Result<void> check_view(const Vec3View& rows, const std::string& label, const char* what) {
+  const std::size_t least = 3 * (rows.scalar == Scalar::f64 ? sizeof(double) : sizeof(float));
+  if (rows.count > 0 && (rows.data == nullptr || rows.stride < least))
+    return fail(ErrorCode::invalid_argument, label + ": " + what + " have no data or a stride of " +
+                                                 std::to_string(rows.stride) + " bytes, must be at least " +
+                                                 std::to_string(least));
+  return {};
+}
+
+// Finite numbers and a representable extent; returns the centroid.
+Result<Vec3d> check_positions(const Vec3View& points, const std::string& label, const Range& range) {
+  Vec3d sum{}, low, high;
+  low.fill(std::numeric_limits<double>::infinity());
+  high.fill(-std::numeric_limits<double>::infinity());
+  for (std::size_t i = 0; i < points.count; ++i) {
+    const Vec3d p = points[i];
+    for (int a = 0; a < 3; ++a) {
+      if (!std::isfinite(p[a]))
+        return fail(ErrorCode::invalid_argument, label + ": point " + std::to_string(i) + " is not finite");
+      sum[a] += p[a];
+      low[a] = std::min(low[a], p[a]);
+      high[a] = std::max(high[a], p[a]);
+    }
+  }
+  if (low == high)
+    return fail(ErrorCode::invalid_argument,
+                label + ": all " + std::to_string(points.count) + " points are equal");
+  const double extent = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2]});
+  const double farthest = std::max({std::abs(sum[0]), std::abs(sum[1]), std::abs(sum[2])});
+  if (!(extent >= range.least && extent <= range.most) || !std::isfinite(farthest))
+    return fail(ErrorCode::invalid_argument, label + ": its extent of " + shortest(extent) + " is outside " +
+                                                 shortest(range.least) + " … " + shortest(range.most) +
+                                                 ", what the plan's precision holds");
+  for (double& s : sum) s /= static_cast<double>(points.count);
+  return sum;
+}
+
+Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std::string& label,
+                             const char* what) {
+  if (rows.count != points)
+    return fail(ErrorCode::invalid_argument, label + ": the model reads " + what + "; the cloud has " +
+                                                 std::to_string(rows.count) + " for " +
+                                                 std::to_string(points) + " points");
+  if (auto ok = check_view(rows, label, what); !ok) return ok;
+  for (std::size_t i = 0; i < rows.count; ++i)
+    for (double x : rows[i])
+      if (!std::isfinite(x))
+        return fail(ErrorCode::invalid_argument,
+                    label + ": one of the " + what + ", " + std::to_string(i) + ", is not finite");
+  return {};
+}
+
+}  // namespace
+
+Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs) {
+  const ModelConfig& config = plan.model.config();
+  const Range& range = plan.options.precision == Precision::f32 ? range_f32 : range_f64;
+  PackedBatch batch;
+  std::vector<std::uint32_t> sizes;
+  std::size_t total = 0;
+  for (const CloudPair& pair : pairs) batch.clouds.push_back(&pair.source);
+  for (const CloudPair& pair : pairs) batch.clouds.push_back(&pair.reference);
+  const std::size_t least = static_cast<std::size_t>(std::max(config.k_neighbor + 1, config.key_mean_num));
+  for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
+    const CloudView& cloud = *batch.clouds[c];
+    const std::string label = cloud_label(c, pairs.size());
+    if (cloud.positions.count < least)
+      return fail(ErrorCode::invalid_argument, label + ": " + std::to_string(cloud.positions.count) +
+                                                   " points, the model needs at least " +
+                                                   std::to_string(least));
+    total += cloud.positions.count;
+    if (total > plan.capacity.points || pairs.size() > plan.capacity.pairs)
+      return fail(ErrorCode::invalid_argument,
+                  "the batch has " + std::to_string(pairs.size()) + " pairs and at least " +
+                      std::to_string(total) + " points, the plan holds " +
+                      std::to_string(plan.capacity.pairs) + " and " + std::to_string(plan.capacity.points));
+    if (auto ok = check_view(cloud.positions, label, "positions"); !ok) return tl::unexpected(ok.error());
+    const auto centroid = check_positions(cloud.positions, label, range);
+    if (!centroid) return tl::unexpected(centroid.error());
+    if (config.return_normals)
+      if (auto ok = check_attribute(cloud.normals, cloud.positions.count, label, "normals"); !ok)
+        return tl::unexpected(ok.error());
+    if (config.get_color)
+      if (auto ok = check_attribute(cloud.colors, cloud.positions.count, label, "colours"); !ok)
+        return tl::unexpected(ok.error());
+    batch.centroids.push_back(*centroid);
+    sizes.push_back(static_cast<std::uint32_t>(cloud.positions.count));
+  }
+  batch.layout = graph::BatchLayout(sizes, static_cast<std::uint32_t>(config.num_key_points));
+  return batch;
+}
+
+}  // namespace bitr
