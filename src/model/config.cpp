@@ -79,7 +79,10 @@ namespace {
 
 // Never a whole document: printing one recurses as deep as it is nested.
 std::string shown(const nlohmann::json& value) {
-  return value.is_number() || value.is_boolean() ? value.dump() : std::string(value.type_name());
+  constexpr std::size_t most = 60;
+  if (value.is_structured()) return value.type_name();
+  const std::string text = value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return text.size() <= most ? text : text.substr(0, most) + "…";
 }
 
 }  // namespace
