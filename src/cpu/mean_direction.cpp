@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "cpu/point_attention.hpp"
@@ -49,7 +50,7 @@ class MeanDirectionKernel : public Kernel<T> {
       const T d[3] = {centre[1] - at[1], centre[2] - at[2], centre[0] - at[0]};
       const T square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
       distinct = distinct && square > 0;
-      const T scale = 1 / std::sqrt(square);
+      const T scale = 1 / std::max(std::sqrt(square), static_cast<T>(ops::direction_eps));
       for (int a = 0; a < 3; ++a) sum[a] += d[a] * scale;
     }
     for (int a = 0; a < 3; ++a) mean[a] = sum[a] / static_cast<T>(k);

@@ -11,17 +11,18 @@ namespace {
 
 using irreps::Degree;
 
-// On a side of length zero only J = 0 survives: nothing between different degrees, and of 1→1 the multiple of
-// the identity, which is (c₀ + 2c₁)/3.
+// A direction shorter than 1 (ops::direction_eps) scales what depends on J by |v|^J, and length zero leaves J
+// = 0 only. Between different degrees that is J = 1; of 1→1 it is the identity's part (c₀ + 2c₁)/3, the turn
+// c₂, and the rest.
 template <class T>
-void keep_scalar_part(const ops::PairBlock& block, bool first_side, T* coefficients) {
+void shorten_direction(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
   const int channels = block.in_channels * block.out_channels;
   const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1,
             freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
   const int in = first_side ? block.in.p : block.in.q, out = first_side ? block.out.p : block.out.q;
   T* at = coefficients + block.coefficients;
   if (in != out) {
-    std::fill_n(at, freq1 * freq2 * channels, T{0});
+    for (int c = 0; c < freq1 * freq2 * channels; ++c) at[c] *= norm;
     return;
   }
   if (in == 0) return;
@@ -30,8 +31,10 @@ void keep_scalar_part(const ops::PairBlock& block, bool first_side, T* coefficie
   for (int other = 0; other < others; ++other)
     for (int c = 0; c < channels; ++c) {
       T* value = at + other * other_step + c;
-      value[0] = value[step] = (value[0] + 2 * value[step]) / 3;
-      value[2 * step] = 0;
+      const T scalar = (value[0] + 2 * value[step]) / 3;
+      value[0] = scalar + norm * norm * (value[0] - scalar);
+      value[step] = scalar + norm * norm * (value[step] - scalar);
+      value[2 * step] *= norm;
     }
 }
 
@@ -125,8 +128,8 @@ class PairRow {
       edge_.assign(edge_.size(), T{0});
       for (const Sectors<T>& table : p_.tables) table.add(length[0][j], length[1][j], edge_.data());
       for (int s = 0; s < 2; ++s)
-        if (length[s][j] == 0)
-          for (const auto& block : p_.op.blocks) keep_scalar_part(block, s == 0, edge_.data());
+        if (const T norm = length[s][j] / static_cast<T>(ops::direction_eps); norm < 1)
+          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge_.data());
       for (std::size_t c = 0; c < edge_.size(); ++c) coefficient_[c][j] = edge_[c];
     }
   }

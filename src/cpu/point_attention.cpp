@@ -77,8 +77,10 @@ class PointRow {
       for (int c = 0; c < width; ++c) feature_[c][j] = f[c];
     }
     const Edges square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    const Edges scale = (square > 0).select(square.sqrt().inverse(), Edges::Zero());
+    const Edges scale =
+        (square > 0).select(square.sqrt().max(static_cast<T>(ops::direction_eps)).inverse(), Edges::Zero());
     for (int a = 0; a < 3; ++a) direction_[a] = d[a] * scale;
+    square_ = square * scale * scale;
     if (!(square.head(k_) == 0).any()) return false;
 
     zero_ = (square == 0).template cast<T>();
@@ -112,7 +114,7 @@ class PointRow {
         const Edges* f = &feature_[c0 + 3 * i];
         phi[c0 + i] = k0 * f[a];
         phi[c0 + c1 + i] = k1 * (v[b] * f[c] - v[c] * f[b]);
-        phi[c0 + 2 * c1 + i] = k2 * (3 * v[a] * phi0_[c0 + i] - f[a]);
+        phi[c0 + 2 * c1 + i] = k2 * (3 * v[a] * phi0_[c0 + i] - square_ * f[a]);
       }
     }
   }
@@ -193,7 +195,7 @@ class PointRow {
   const int k_, n0_, n1_, z0_, z1_;
   Buffer feature_, phi0_, phi1_, zero_feature_, zero_phi0_, zero_phi1_, weight_;
   std::vector<T> query_, sum_, component_;
-  Edges direction_[3], zero_;
+  Edges direction_[3], square_, zero_;  // v, |v|² (1, but for the floor of the direction's norm)
 };
 
 template <class T, int Width>
