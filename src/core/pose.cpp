@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <bitr/pose.hpp>
 #include <cmath>
 #include <numbers>
@@ -44,14 +43,11 @@ Pose operator*(const Pose& a, const Pose& b) {
 }
 
 double rotation_error_degrees(const Pose& a, const Pose& b) {
-  // The Frobenius distance is 2√2 sin(θ/2): well conditioned where acos(trace) is not.
-  double near = 0, far = 0;
-  for (int i = 0; i < 9; ++i) near += (a.rotation[i] - b.rotation[i]) * (a.rotation[i] - b.rotation[i]);
-  const double half_sine = std::sqrt(near / 8);
-  const Pose relative = a.inverse() * b;
-  far = std::max(0.0, 1 + relative.rotation[0] + relative.rotation[4] + relative.rotation[8]);
-  const double half_cosine = std::sqrt(far) / 2;
-  return 2 * std::atan2(half_sine, half_cosine) * 180 / std::numbers::pi;
+  // The sine comes from the antisymmetric part, which is small and exact at both 0° and 180°.
+  const auto r = (a.inverse() * b).rotation;
+  const double sine = std::hypot(r[7] - r[5], r[2] - r[6], r[3] - r[1]) / 2;
+  const double cosine = (r[0] + r[4] + r[8] - 1) / 2;
+  return std::atan2(sine, cosine) * 180 / std::numbers::pi;
 }
 
 double translation_error(const Pose& a, const Pose& b) {

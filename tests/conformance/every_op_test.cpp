@@ -1,0 +1,159 @@
+// Every operation of the network, as defined and folded, on the tensors it meets there: float against double,
+// within the bound of its header, nothing outside its outputs touched, the same bits for any number of
+// threads.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "model/build.hpp"
+#include "support/cloud_batch.hpp"
+#include "support/configurations.hpp"
+#include "support/op_run.hpp"
+
+namespace bitr {
+namespace {
+
+using test::OpTensor;
+
+struct Case {
+  const char* name;
+  ModelConfig config;
+  std::vector<std::array<std::size_t, 2>> pairs;
+  std::size_t duplicates;  ///< every so many points; 0: none
+  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
+};
+
+std::vector<Case> cases() {
+  ModelConfig normals, shallow, wide;
+  normals.return_normals = normals.get_color = true;
+  normals.key_global_merge_coe = 8;
+  shallow.num_layers = shallow.feature_num_layers = 0;
+  shallow.k_neighbor = shallow.re_convert_k = shallow.key_mean_num = 1;
+  shallow.num_key_points = 4;
+  wide.num_channels = wide.feature_num_channels = 12;
+  wide.div = 3;
+  wide.num_key_points = 36;
+  wide.k_neighbor = 37;
+  wide.key_mean_num = 64;
+  wide.re_convert_k = 33;
+  wide.num_layers = wide.feature_num_layers = 1;
+  return {{"least_points", {}, {{25, 25}}, 0},
+          {"one_more", {}, {{26, 25}}, 0},
+          {"ragged", {}, {{25, 333}, {1025, 31}, {64, 65}}, 0},
+          {"normals_ragged", normals, {{129, 25}, {26, 700}}, 0},
+          {"duplicates", {}, {{90, 130}}, 3},
+          {"normals_duplicates", normals, {{70, 41}}, 2},
+          {"one_neighbour", shallow, {{2, 3}, {9, 2}}, 0},
+          {"wide", wide, {{65, 70}}, 5},
+          {"chunk_edges", {}, {{1024, 1023}, {64, 2049}}, 0}};
+}
+
+// Largest error over the largest entry of the output. Where the operation's header states a bound, that one.
+double bound(const ops::Op& op) {
+  if (std::holds_alternative<ops::PointAttention>(op)) return 2e-5;
+  if (std::holds_alternative<ops::PairAttention>(op)) return 5e-5;
+  if (std::holds_alternative<ops::InputFeatures>(op) || std::holds_alternative<ops::ExtendFeatures>(op))
+    return 0;
+  if (std::holds_alternative<ops::CloudSum>(op) || std::holds_alternative<ops::CloudCoefficients>(op))
+    return 1e-6;
+  return 2e-5;
+}
+
+class EveryOp : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    weights_ = test::perturbed_weights(GetParam().config, 3);
+    Random random(99);
+    batch_.emplace(random, GetParam().pairs);
+    if (GetParam().duplicates) batch_->add_duplicates(GetParam().duplicates);
+  }
+
+  void check(const graph::Graph& graph) {
+    cpu::Executor<double> executor(graph, true);
+    const int keys = GetParam().config.num_key_points;
+    batch_->run(executor, keys, pool_);
+    const graph::BatchLayout layout = batch_->layout(keys);
+    for (const graph::Node& node : graph.nodes) {
+      SCOPED_TRACE(node.name);
+      std::vector<OpTensor> inputs, outputs;
+      for (const auto id : node.inputs) inputs.push_back(input(executor, layout, id));
+      for (const auto id : node.outputs) outputs.push_back(OpTensor::like(graph.tensors[id]));
+      const auto single = test::run_op<float>(node.op, layout, inputs, outputs, pool_);
+      const auto exact = test::run_op<double>(node.op, layout, inputs, outputs, pool_);
+      const auto again = test::run_op<float>(node.op, layout, inputs, outputs, three_);
+      for (std::size_t i = 0; i < outputs.size(); ++i) {
+        EXPECT_EQ(single[i].values, again[i].values) << "threads change the result";
+        EXPECT_EQ(single[i].indices, again[i].indices) << "threads change the result";
+        if (!outputs[i].index)
+          compare(single[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);
+      }
+    }
+  }
+
+  // Rounded to float first, so that both types read the same numbers. (Through memory: see
+  // support/op_run.hpp.)
+  static OpTensor input(const cpu::Executor<double>& executor, const graph::BatchLayout& layout,
+                        graph::TensorId id) {
+    const auto& info = executor.graph().tensors[id];
+    OpTensor tensor = OpTensor::like(info);
+    const std::size_t count = layout.rows(info.rows) * info.per_row * info.width;
+    if (tensor.index) {
+      const auto* data = executor.data<std::uint32_t>(id);
+      tensor.indices.assign(data, data + count);
+    } else {
+      const std::vector<float> rounded(executor.data(id), executor.data(id) + count);
+      tensor.values.assign(rounded.begin(), rounded.end());
+    }
+    return tensor;
+  }
+
+  void compare(const std::vector<double>& single, const std::vector<double>& exact, const graph::Node& node,
+               const std::string& tensor) {
+    double worst = 0, largest = 0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(single[i]) && std::isfinite(exact[i])) << tensor << " element " << i;
+      worst = std::max(worst, std::abs(single[i] - exact[i]));
+      largest = std::max(largest, std::abs(exact[i]));
+    }
+    if (std::holds_alternative<ops::ProjectPose>(node.op))
+      return;  // as well determined as its rotation: pose_test
+    EXPECT_LE(worst, bound(node.op) * largest) << tensor;
+    auto& record = worst_[node.op.index()];
+    if (largest > 0) record = std::max(record, worst / largest);
+  }
+  void TearDown() override {
+    for (const auto& [op, worst] : worst_)
+      RecordProperty("op" + std::to_string(op), std::to_string(worst * 1e9) + "e-9");
+  }
+
+  model::Weights weights_;
+  std::optional<test::CloudBatch> batch_;
+  cpu::ThreadPool pool_{2}, three_{3};
+  std::map<std::size_t, double> worst_;
+};
+
+TEST_P(EveryOp, AsDefined) { check(model::expand(model::build_graph(weights_, Mode::reference))); }
+TEST_P(EveryOp, Folded) {
+  for (const Mode mode : {Mode::reference, Mode::scale_exact})
+    check(model::fold(model::build_graph(weights_, mode)));
+}
+
+INSTANTIATE_TEST_SUITE_P(Cases, EveryOp, testing::ValuesIn(cases()),
+                         [](const auto& c) { return c.param.name; });
+
+// A new operation has to take part.
+TEST(EveryOpTest, CoversEveryOperation) {
+  std::set<std::size_t> met;
+  for (const Case& c : cases()) {
+    const auto whole = model::build_graph(test::perturbed_weights(c.config, 3), Mode::reference);
+    for (const graph::Graph& graph : {model::expand(whole), model::fold(whole)})
+      for (const auto& node : graph.nodes) met.insert(node.op.index());
+  }
+  for (std::size_t i = 1; i < std::variant_size_v<ops::Op>; ++i)
+    EXPECT_TRUE(met.count(i)) << "operation " << i;
+  EXPECT_TRUE(std::holds_alternative<ops::AttentionLayer>(ops::Op{}));  // index 0 is the composite
+}
+
+}  // namespace
+}  // namespace bitr

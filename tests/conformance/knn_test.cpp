@@ -1,0 +1,148 @@
+// knn against a double loop: the same neighbours in the same order, ties included.
+#include <algorithm>
+#include <cmath>
+
+#include "core/random.hpp"
+#include "support/op_run.hpp"
+
+namespace bitr {
+namespace {
+
+using graph::BatchLayout;
+using graph::Rows;
+using test::OpTensor;
+
+// Σ (q − p)² in T, axis by axis, never contracted: what ops/knn.hpp promises.
+template <class T>
+T squared(const T* a, const T* b, int dim) {
+  T sum = 0;
+  for (int i = 0; i < dim; ++i) {
+    const volatile T d = a[i] - b[i], square = d * d;
+    sum = sum + square;
+  }
+  return sum;
+}
+
+template <class T>
+std::vector<std::uint32_t> plain(const std::vector<T>& queries, const std::vector<T>& references,
+                                 std::size_t q, std::size_t begin, std::size_t end, const ops::Knn& op) {
+  std::vector<std::pair<T, std::uint32_t>> all;
+  for (std::size_t r = begin; r < end; ++r)
+    if (!op.exclude_self || r != q)
+      all.emplace_back(squared(&queries[q * op.dim], &references[r * op.dim], op.dim),
+                       static_cast<std::uint32_t>(r));
+  std::partial_sort(all.begin(), all.begin() + op.k, all.end());
+  std::vector<std::uint32_t> index;
+  for (int i = 0; i < op.k; ++i) index.push_back(all[i].second);
+  return index;
+}
+
+std::vector<double> random_points(Random& random, std::size_t count, int dim, int lattice) {
+  std::vector<double> points;
+  for (std::size_t i = 0; i < count * dim; ++i) {
+    // Multiples of 2⁻²⁰ are exact in float; a coarse lattice makes most distances tie.
+    const double x = random.uniform(-1, 1);
+    points.push_back(lattice ? std::round(x * lattice) / 8 : std::round(x * 0x1p20) * 0x1p-20);
+  }
+  return points;
+}
+
+class KnnCase {
+ public:
+  KnnCase(std::vector<std::uint32_t> sizes, std::uint32_t keys) : layout_(sizes, keys) {}
+
+  // Compares every `step`-th query.
+  template <class T>
+  void check(const ops::Knn& op, Rows query_rows, Rows reference_rows, int lattice, std::size_t step = 1) {
+    Random random(layout_.rows(Rows::point) + op.k);
+    OpTensor references{reference_rows, 1, op.dim, false, {}, {}}, queries = references;
+    references.values = random_points(random, layout_.rows(reference_rows), op.dim, lattice);
+    queries.rows = query_rows;
+    queries.values = op.exclude_self ? references.values
+                                     : random_points(random, layout_.rows(query_rows), op.dim, lattice);
+    const OpTensor index{query_rows, op.k, 1, true, {}, {}};
+    const auto found = test::run_op<T>(op, layout_, {queries, references}, {index}, two_).front().indices;
+    EXPECT_EQ(test::run_op<T>(op, layout_, {queries, references}, {index}, one_).front().indices, found);
+    EXPECT_EQ(test::run_op<T>(op, layout_, {queries, references}, {index}, three_).front().indices, found);
+    const std::vector<T> q(queries.values.begin(), queries.values.end()),
+        r(references.values.begin(), references.values.end());
+    for (std::uint32_t s = 0; s < layout_.segments(query_rows); ++s)
+      for (std::size_t row = layout_.begin(query_rows, s); row < layout_.begin(query_rows, s + 1);
+           row += step) {
+        const auto expected =
+            plain(q, r, row, layout_.begin(reference_rows, s), layout_.begin(reference_rows, s + 1), op);
+        const std::vector<std::uint32_t> got(found.begin() + row * op.k, found.begin() + (row + 1) * op.k);
+        ASSERT_EQ(got, expected) << "query " << row << ", lattice " << lattice << ", k " << op.k << ", dim "
+                                 << op.dim;
+      }
+  }
+  void check_both(const ops::Knn& op, Rows queries, Rows references, int lattice, std::size_t step = 1) {
+    check<float>(op, queries, references, lattice, step);
+    check<double>(op, queries, references, lattice, step);
+  }
+
+ private:
+  BatchLayout layout_;
+  cpu::ThreadPool one_{1}, two_{2}, three_{3};
+};
+
+// 0: generic points; 1: 27 places; 4: a 9³ lattice, where nearly every neighbour ties.
+constexpr int lattices[] = {0, 1, 4};
+
+TEST(Knn, SmallCloudsOfEverySize) {
+  for (const int k : {1, 2, 7, 8, 24, 64})
+    for (const int lattice : lattices) {
+      const auto n = static_cast<std::uint32_t>(k);
+      KnnCase({n + 1, n + 2, n + 9, 65}, 5).check_both({.k = k}, Rows::point, Rows::point, lattice);
+    }
+}
+
+// Sizes around every limit between brute force and the tree that has been in use, 200 and 3000.
+TEST(Knn, CloudsAroundTheTree) {
+  for (const int lattice : lattices) {
+    KnnCase({199, 200, 201, 202, 255, 1024}, 5).check_both({.k = 24}, Rows::point, Rows::point, lattice);
+    KnnCase({2999, 3000, 3001, 25}, 5).check_both({.k = 24}, Rows::point, Rows::point, lattice, 7);
+    KnnCase({3001, 501}, 5).check_both({.k = 64}, Rows::point, Rows::point, lattice, 11);
+    KnnCase({700, 501}, 5).check_both({.k = 1}, Rows::point, Rows::point, lattice, 3);
+  }
+}
+
+TEST(Knn, QueriesThatAreNotAmongTheReferences) {
+  for (const int lattice : lattices) {
+    KnnCase({24, 25, 300, 4000}, 32)
+        .check_both({.k = 24, .exclude_self = false}, Rows::key, Rows::point, lattice);
+    KnnCase({30, 4000}, 200).check_both({.k = 5, .exclude_self = false}, Rows::key, Rows::point, lattice);
+  }
+}
+
+TEST(Knn, PairsOfKeyPoints) {
+  for (const std::uint32_t keys : {25u, 32u, 33u, 300u})
+    for (const int lattice : lattices)
+      KnnCase({40, 50, 60, 70}, keys)
+          .check_both({.k = 24, .dim = 6, .exclude_self = true}, Rows::pair_key, Rows::pair_key, lattice);
+}
+
+TEST(Knn, SeventyThousandPoints) {
+  for (const int lattice : {0, 16}) {
+    KnnCase large({70001, 25}, 5);
+    large.check_both({.k = 24}, Rows::point, Rows::point, lattice, 1733);
+  }
+}
+
+// All points on one spot but one.
+TEST(Knn, PointsOnOneSpot) {
+  OpTensor points{Rows::point, 1, 3, false, std::vector<double>(3 * 1000, 0.25), {}};
+  points.values[3 * 500] = 7;
+  const BatchLayout layout(std::vector<std::uint32_t>{500, 500}, 4);
+  cpu::ThreadPool pool(2);
+  const OpTensor out{Rows::point, 3, 1, true, {}, {}};
+  const auto index =
+      test::run_op<float>(ops::Knn{.k = 3}, layout, {points, points}, {out}, pool).front().indices;
+  EXPECT_EQ(std::vector<std::uint32_t>(index.begin(), index.begin() + 6),
+            (std::vector<std::uint32_t>{1, 2, 3, 0, 2, 3}));
+  EXPECT_EQ(std::vector<std::uint32_t>(index.begin() + 1500, index.begin() + 1506),
+            (std::vector<std::uint32_t>{501, 502, 503, 502, 503, 504}));
+}
+
+}  // namespace
+}  // namespace bitr

@@ -1,0 +1,52 @@
+// Ragged batches of random clouds for kernels and executors.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "cpu/executor.hpp"
+#include "support/shapes.hpp"
+
+namespace bitr::test {
+
+/// Sources, then references.
+struct CloudBatch {
+  std::vector<PointCloud> clouds;
+
+  CloudBatch(Random& random, const std::vector<std::array<std::size_t, 2>>& pairs) {
+    for (int side = 0; side < 2; ++side)
+      for (const auto& sizes : pairs) clouds.push_back(random_cloud(random, sizes[side]));
+  }
+  /// Every `step`-th point moves onto the one before it: edges of length zero.
+  void add_duplicates(std::size_t step) {
+    for (PointCloud& cloud : clouds)
+      for (std::size_t i = step; i < cloud.size(); i += step) cloud.positions[i] = cloud.positions[i - 1];
+  }
+  void scale(double factor) {
+    for (PointCloud& cloud : clouds)
+      for (Vec3d& p : cloud.positions)
+        for (double& x : p) x *= factor;
+  }
+  graph::BatchLayout layout(int key_points) const {
+    std::vector<std::uint32_t> sizes;
+    for (const PointCloud& cloud : clouds) sizes.push_back(static_cast<std::uint32_t>(cloud.size()));
+    return {sizes, static_cast<std::uint32_t>(key_points)};
+  }
+  template <class T>
+  void run(cpu::Executor<T>& executor, int key_points, cpu::ThreadPool& pool) const {
+    executor.prepare(layout(key_points));
+    const auto fill = [&](graph::TensorId id, auto PointCloud::*rows) {
+      if (id == graph::no_tensor) return;
+      T* to = executor.data(id);
+      for (const PointCloud& cloud : clouds)
+        for (const auto& row : cloud.*rows)
+          for (const auto x : row) *to++ = static_cast<T>(x);
+    };
+    fill(executor.graph().positions, &PointCloud::positions);
+    fill(executor.graph().normals, &PointCloud::normals);
+    fill(executor.graph().colors, &PointCloud::colors);
+    executor.run(pool);
+  }
+};
+
+}  // namespace bitr::test
