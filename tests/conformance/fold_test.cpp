@@ -22,7 +22,7 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
   // What each operation may differ by, over its output's largest entry.
   struct Bounds {
     double points, pairs;
-    double least_length;  ///< shorter edges to key points (but for 0) are left out: see the tests below
+    double least_length;  ///< key points with shorter edges (but for 0) are left out
   };
 
   void check(Mode mode, Bounds bounds, std::size_t duplicates, double scale) {
@@ -106,10 +106,8 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
   Bounds worst_{0, 0, 0};
 };
 
-// A key point whose weight is all on one point lies on it up to rounding; the definition then divides by
-// 1e-12 instead of the length, the fold by the length.
-TEST_P(FoldEqualsDefinition, InScaleExactMode) { check(Mode::scale_exact, {1e-11, 1e-11, 1e-12}, 0, 1); }
-TEST_P(FoldEqualsDefinition, WithDuplicatePoints) { check(Mode::scale_exact, {1e-11, 1e-11, 1e-12}, 3, 1); }
+TEST_P(FoldEqualsDefinition, InScaleExactMode) { check(Mode::scale_exact, {1e-11, 1e-11, 0}, 0, 1); }
+TEST_P(FoldEqualsDefinition, WithDuplicatePoints) { check(Mode::scale_exact, {1e-11, 1e-11, 0}, 3, 1); }
 
 // The fold drops the one-sided LayerNorms' eps, relative to the norm's input eps / (2 r² var w): with eps =
 // 1e-8, the initial var w of 2 and edges of 0.05 or more in clouds of size 60, at most 1e-6, which a layer
