@@ -13,6 +13,8 @@ enum class ErrorCode {
   bad_file,          ///< a file's content is malformed; the message names the file, the offset and the limit
   io,                ///< the operating system refused to open, read or write
   unsupported,       ///< valid, but not something this build or backend can do
+  no_device,         ///< no Vulkan loader, no suitable device, or none of the asked name or index
+  device_lost,       ///< the device stopped answering: its plans are of no use any more, a new device is
   internal,          ///< memory ran out, or an invariant of the library itself is broken
 };
 

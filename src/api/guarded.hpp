@@ -5,6 +5,8 @@
 #include <exception>
 #include <new>
 
+#include "core/failure.hpp"
+
 namespace bitr {
 
 /// body(), which returns a Result; what it throws comes back as an error.
@@ -12,6 +14,8 @@ template <class Body>
 auto guarded(Body body) -> decltype(body()) {
   try {
     return body();
+  } catch (const Failure& failure) {
+    return tl::unexpected(failure.error());
   } catch (const std::bad_alloc&) {
     return fail(ErrorCode::internal, "out of memory");
   } catch (const std::exception& error) {

@@ -12,6 +12,10 @@ std::string_view name(ErrorCode code) {
       return "io";
     case ErrorCode::unsupported:
       return "unsupported";
+    case ErrorCode::no_device:
+      return "no_device";
+    case ErrorCode::device_lost:
+      return "device_lost";
     case ErrorCode::internal:
       return "internal";
   }

@@ -1,6 +1,6 @@
-// Every operation of the network, as defined and folded, on the tensors it meets there: float against double,
-// within the bound of its header, nothing outside its outputs touched, the same bits for any number of
-// threads.
+// Every operation of the network, as defined and folded, on the tensors it meets there: the CPU in float, and
+// Vulkan where the operation runs there, against the CPU in double, within the bound of its header, nothing
+// outside its outputs touched, the same bits for any number of threads.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,6 +10,7 @@
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
+#include "support/vulkan.hpp"
 
 namespace bitr {
 namespace {
@@ -69,7 +70,7 @@ class EveryOp : public testing::TestWithParam<Case> {
     if (GetParam().duplicates) batch_->add_duplicates(GetParam().duplicates);
   }
 
-  void check(const graph::Graph& graph) {
+  void check(const graph::Graph& graph, bool on_vulkan) {
     cpu::Executor<double> executor(graph, true);
     const int keys = GetParam().config.num_key_points;
     batch_->run(executor, keys, pool_);
@@ -87,6 +88,14 @@ class EveryOp : public testing::TestWithParam<Case> {
         EXPECT_EQ(single[i].indices, again[i].indices) << "threads change the result";
         if (!outputs[i].index)
           compare(single[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);
+      }
+      if (!on_vulkan) continue;
+      const auto device = test::run_op_vulkan(node.op, layout, inputs, outputs);
+      for (std::size_t i = 0; i < outputs.size(); ++i) {
+        SCOPED_TRACE("on Vulkan");
+        EXPECT_EQ(device[i].indices, single[i].indices) << graph.tensors[node.outputs[i]].name;
+        if (!outputs[i].index)
+          compare(device[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);
       }
     }
   }
@@ -133,10 +142,10 @@ class EveryOp : public testing::TestWithParam<Case> {
   std::map<std::size_t, double> worst_;
 };
 
-TEST_P(EveryOp, AsDefined) { check(model::expand(model::build_graph(weights_, Mode::reference))); }
+TEST_P(EveryOp, AsDefined) { check(model::expand(model::build_graph(weights_, Mode::reference)), false); }
 TEST_P(EveryOp, Folded) {
   for (const Mode mode : {Mode::reference, Mode::scale_exact})
-    check(model::fold(model::build_graph(weights_, mode)));
+    check(model::fold(model::build_graph(weights_, mode)), test::vulkan() != nullptr);
 }
 
 INSTANTIATE_TEST_SUITE_P(Cases, EveryOp, testing::ValuesIn(cases()),

@@ -4,6 +4,7 @@
 
 #include "core/random.hpp"
 #include "support/op_run.hpp"
+#include "support/vulkan.hpp"
 
 namespace bitr {
 namespace {
@@ -64,6 +65,11 @@ class KnnCase {
     const auto found = test::run_op<T>(op, layout_, {queries, references}, {index}, two_).front().indices;
     EXPECT_EQ(test::run_op<T>(op, layout_, {queries, references}, {index}, one_).front().indices, found);
     EXPECT_EQ(test::run_op<T>(op, layout_, {queries, references}, {index}, three_).front().indices, found);
+    if constexpr (std::is_same_v<T, float>) {
+      if (test::vulkan()) {
+        EXPECT_EQ(test::run_op_vulkan(op, layout_, {queries, references}, {index}).front().indices, found);
+      }
+    }
     const std::vector<T> q(queries.values.begin(), queries.values.end()),
         r(references.values.begin(), references.values.end());
     for (std::uint32_t s = 0; s < layout_.segments(query_rows); ++s)

@@ -1,0 +1,28 @@
+# bitr_shader(TARGET STEM [VARIANT DEFINITION]): compiles shaders/STEM.comp to optimised SPIR-V and makes it a C++
+# header, STEM[_VARIANT].spv.hpp, for the target.
+find_program(GLSLC glslc REQUIRED)
+set(BITR_SPIRV_DIR ${PROJECT_BINARY_DIR}/spirv)
+file(MAKE_DIRECTORY ${BITR_SPIRV_DIR})
+
+function(bitr_shader target stem)
+  set(name ${stem})
+  set(definitions)
+  if(ARGC GREATER 2)
+    set(name ${stem}_${ARGV2})
+    set(definitions -D${ARGV3})
+  endif()
+  set(source ${PROJECT_SOURCE_DIR}/shaders/${stem}.comp)
+  set(numbers ${BITR_SPIRV_DIR}/${name}.spv.inc)
+  set(BITR_SHADER ${name})
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/spirv.hpp.in ${BITR_SPIRV_DIR}/${name}.spv.hpp @ONLY)
+  add_custom_command(
+    OUTPUT ${numbers} BYPRODUCTS ${BITR_SPIRV_DIR}/${name}.spv
+    COMMAND ${GLSLC} --target-env=vulkan1.2 -O -Werror ${definitions} -I ${PROJECT_SOURCE_DIR}/shaders
+            -MD -MF ${numbers}.d -mfmt=num -o ${numbers} ${source}
+    COMMAND ${GLSLC} --target-env=vulkan1.2 -O -Werror ${definitions} -I ${PROJECT_SOURCE_DIR}/shaders
+            -o ${BITR_SPIRV_DIR}/${name}.spv ${source}
+    DEPENDS ${source} DEPFILE ${numbers}.d
+    COMMENT "Shader ${name}" VERBATIM)
+  add_custom_target(shader_${name} DEPENDS ${numbers})
+  add_dependencies(${target} shader_${name})
+endfunction()

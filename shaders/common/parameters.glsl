@@ -1,0 +1,28 @@
+// Push constants, once for GLSL and for C++ (src/vk/parameters.hpp): four-byte members only, so that both lay
+// them out alike.
+#ifndef BITR_PARAMETERS
+#define BITR_PARAMETERS
+
+struct KnnParameters {
+  uint first_tile;
+  uint first_row;      // of the index tensor as bound
+  uint first_reference;  // within the segment: one dispatch takes at most `references` of them
+  uint references;
+};
+
+// Kernels with an invocation per point.
+struct PointParameters {
+  uint first_tile;
+  uint first_row;  // of the index tensor as bound
+};
+
+struct CloudParameters {
+  uint clouds;
+};
+
+struct NodeParameters {
+  uint nodes;
+  uint keys;  // key points of a cloud
+};
+
+#endif

@@ -1,0 +1,123 @@
+// knn.comp: exact k nearest neighbours within each segment (cloud or pair) of a batch; see src/ops/knn.hpp.
+// in  0 queries    f32[Q,D4]     D = DIM coordinates, padded to D4, a multiple of 4; model units
+// in  1 references f32[P,D4]     segment s owns rows offsets[s] .. offsets[s+1]
+// in  2 tiles      u32[tiles,4]  segment, first query, query past the last, tile within the segment
+// in  3 offsets    u32[S+1]
+// mod 4 index      u32[Q,K]      ascending (distance, index); ties → lower index
+// mod 5 distance   f32[Q,K]      squared, between dispatches over parts of the references
+// spec 0 WORKGROUP=32  1 K≤64  2 DIM≤8  3 EXCLUDE_SELF | grid tiles | shared 0 KiB
+// loops ≤ references/8 + references = 36864 < 65535 | error: indices equal to cpu/knn | fp32
+#version 450
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_GOOGLE_include_directive : require
+#ifdef SHUFFLE
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
+#include "common/parameters.glsl"
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const int K = 24;
+layout(constant_id = 2) const int DIM = 3;
+layout(constant_id = 3) const bool EXCLUDE_SELF = true;
+
+const int VECTORS = (DIM + 3) / 4;
+const int BATCH = 8;
+#define INFINITY uintBitsToFloat(0x7f800000u)
+
+layout(set = 0, binding = 0) readonly buffer Queries { vec4 queries[]; };
+layout(set = 0, binding = 1) readonly buffer References { vec4 references[]; };
+layout(set = 0, binding = 2) readonly buffer Tiles { uvec4 tiles[]; };
+layout(set = 0, binding = 3) readonly buffer Offsets { uint offsets[]; };
+layout(set = 0, binding = 4) buffer Index { uint index[]; };
+layout(set = 0, binding = 5) buffer Distance { float distance[]; };
+layout(push_constant) uniform Push { KnnParameters p; };
+
+vec4 candidate(vec4 loaded, uint row, int i) {
+#ifdef SHUFFLE
+  return subgroupShuffle(loaded, i);
+#else
+  return references[row];
+#endif
+}
+
+// Never contracted into fused multiply-adds: ties must be ties on every device.
+float squared(vec4 a, vec4 b, int dims) {
+  precise vec4 d = a - b;
+  precise vec4 square = d * d;
+  precise float sum = square.x;
+  if (dims > 1) sum = sum + square.y;
+  if (dims > 2) sum = sum + square.z;
+  if (dims > 3) sum = sum + square.w;
+  return sum;
+}
+
+void main() {
+  const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
+  const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1);
+  const uint segment_begin = offsets[tile.x], segment_end = offsets[tile.x + 1];
+  const uint begin = segment_begin + p.first_reference;
+  const uint end = min(begin + p.references, segment_end);
+
+  const vec4 query0 = queries[row * VECTORS];
+  const vec4 query1 = VECTORS > 1 ? queries[row * VECTORS + 1] : vec4(0);
+  const uint out_row = (row - p.first_row) * K;
+
+  float nearest[K];
+  uint nearest_row[K];
+  [[unroll]] for (int j = 0; j < K; ++j) {
+    nearest[j] = INFINITY;
+    nearest_row[j] = segment_begin;
+  }
+  if (p.first_reference > 0) {
+    [[unroll]] for (int j = 0; j < K; ++j) {
+      nearest[j] = distance[out_row + j];
+      nearest_row[j] = index[out_row + j];
+    }
+  }
+
+  for (uint base = begin; base < end; base += BATCH) {
+#ifdef SHUFFLE
+    const uint loaded_row = min(base + (gl_SubgroupInvocationID & 7u), end - 1) * VECTORS;
+#else
+    const uint loaded_row = 0;
+#endif
+    const vec4 loaded0 = references[loaded_row];
+    const vec4 loaded1 = VECTORS > 1 ? references[loaded_row + 1] : vec4(0);
+    float d[BATCH];
+    float least = INFINITY;
+    [[unroll]] for (int i = 0; i < BATCH; ++i) {
+      const uint from = min(base + i, end - 1);
+      precise float sum = squared(query0, candidate(loaded0, from * VECTORS, i), DIM);
+      if (VECTORS > 1) sum = sum + squared(query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
+      d[i] = base + i < end && !(EXCLUDE_SELF && base + i == row) ? sum : INFINITY;
+      least = min(least, d[i]);
+    }
+    while (least < nearest[K - 1]) {
+      uint found = end;
+      [[unroll]] for (int i = BATCH - 1; i >= 0; --i)
+        if (d[i] == least) found = base + i;
+      [[unroll]] for (int j = K - 1; j > 0; --j) {
+        const bool before = least < nearest[j - 1];
+        nearest_row[j] = before ? nearest_row[j - 1] : least < nearest[j] ? found : nearest_row[j];
+        nearest[j] = before ? nearest[j - 1] : min(least, nearest[j]);
+      }
+      if (least < nearest[0]) {
+        nearest[0] = least;
+        nearest_row[0] = found;
+      }
+      least = INFINITY;
+      [[unroll]] for (int i = 0; i < BATCH; ++i) {
+        d[i] = base + i == found ? INFINITY : d[i];
+        least = min(least, d[i]);
+      }
+    }
+  }
+
+  if (tile.y + gl_LocalInvocationID.x < tile.z) {
+    [[unroll]] for (int j = 0; j < K; ++j) index[out_row + j] = nearest_row[j];
+    if (end < segment_end) {
+      [[unroll]] for (int j = 0; j < K; ++j) distance[out_row + j] = nearest[j];
+    }
+  }
+}

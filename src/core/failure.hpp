@@ -1,0 +1,19 @@
+// An Error on its way to the public API, which turns it into a Result (api/guarded.hpp).
+#pragma once
+
+#include <bitr/result.hpp>
+#include <stdexcept>
+#include <utility>
+
+namespace bitr {
+
+class Failure : public std::runtime_error {
+ public:
+  Failure(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  Error error() const { return {code_, what()}; }
+
+ private:
+  ErrorCode code_;
+};
+
+}  // namespace bitr

@@ -1,0 +1,422 @@
+#include "vk/executor.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <set>
+
+#include "core/failure.hpp"
+
+namespace bitr::vk {
+namespace {
+
+using graph::Rows;
+using graph::TensorId;
+
+constexpr std::uint32_t guard_pattern = 0xa5a5a5a5;
+
+std::size_t aligned(std::size_t bytes, std::size_t alignment) {
+  return (bytes + alignment - 1) / alignment * alignment;
+}
+
+std::size_t row_bytes(const graph::TensorInfo& info) {
+  const bool index = info.kind == graph::Kind::index;
+  const auto width = index ? static_cast<std::uint32_t>(info.width) : padded(info.width);
+  return sizeof(float) * static_cast<std::size_t>(info.per_row) * width;
+}
+
+// As many rows of every kind as the capacity allows.
+graph::BatchLayout largest_layout(const Capacity& capacity) {
+  std::vector<std::uint32_t> sizes(2 * capacity.pairs, 0);
+  sizes.front() = static_cast<std::uint32_t>(capacity.points);
+  return {sizes, capacity.key_points};
+}
+
+constexpr Rows table_rows[] = {Rows::point, Rows::key, Rows::pair_key};
+
+std::size_t largest_tile_count(const graph::BatchLayout& layout, Rows rows) {
+  return layout.rows(rows) / tile_rows + layout.segments(rows);
+}
+
+}  // namespace
+
+Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph, const Capacity& capacity,
+                   const ExecutorOptions& options)
+    : context_(std::move(context)),
+      graph_(std::move(graph)),
+      own_tensors_(graph_.tensors.size()),
+      capacity_(capacity),
+      options_(options),
+      recorder_(*context_) {
+  for (graph::Node& node : graph_.nodes) {
+    Site site{*context_, {}, {}};
+    for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
+    for (TensorId id : node.outputs) site.out.push_back(graph_.tensors[id]);
+    kernels_.push_back(kernel_for(site, node.op));
+  }
+  find_inputs();
+  for (graph::Node& node : graph_.nodes) {
+    scratch_.push_back(graph_.add({.name = node.name + ".scratch", .rows = Rows::pair, .fiber = {}}));
+    node.outputs.push_back(scratch_.back());
+  }
+  allocate(capacity);
+
+  const DeviceFunctions& vk = context_->vk();
+  const VkCommandPoolCreateInfo pool{.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
+                                     .pNext = nullptr,
+                                     .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
+                                     .queueFamilyIndex = context_->queue_family()};
+  check(vk.CreateCommandPool(context_->device(), &pool, context_->allocation(), &pool_),
+        "vkCreateCommandPool");
+  const VkSemaphoreTypeCreateInfo timeline{.sType = VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO,
+                                           .pNext = nullptr,
+                                           .semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE,
+                                           .initialValue = 0};
+  const VkSemaphoreCreateInfo semaphore{
+      .sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, .pNext = &timeline, .flags = 0};
+  check(vk.CreateSemaphore(context_->device(), &semaphore, context_->allocation(), &semaphore_),
+        "vkCreateSemaphore");
+  if (context_->capabilities().timestamp_bits > 0) {
+    const VkQueryPoolCreateInfo queries{.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
+                                        .pNext = nullptr,
+                                        .flags = 0,
+                                        .queryType = VK_QUERY_TYPE_TIMESTAMP,
+                                        .queryCount = 2 * static_cast<std::uint32_t>(graph_.nodes.size()),
+                                        .pipelineStatistics = 0};
+    check(vk.CreateQueryPool(context_->device(), &queries, context_->allocation(), &timestamps_),
+          "vkCreateQueryPool");
+  }
+  milliseconds_.resize(graph_.nodes.size());
+  starts_.resize(graph_.nodes.size());
+  const VkCommandBufferAllocateInfo copies{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
+                                           .pNext = nullptr,
+                                           .commandPool = pool_,
+                                           .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY,
+                                           .commandBufferCount = 1};
+  check(vk.AllocateCommandBuffers(context_->device(), &copies, &copy_commands_), "vkAllocateCommandBuffers");
+
+  // Constants never change: they go to the device now.
+  if (constant_buffer_.size() > 0) {
+    Buffer upload(*context_, constant_buffer_.size(), true);
+    for (std::size_t i = 0; i < kernels_.size(); ++i)
+      if (const auto& numbers = kernels_[i]->constants(); !numbers.empty())
+        std::memcpy(upload.data() + constants_[i].offset, numbers.data(),
+                    numbers.size() * sizeof(std::uint32_t));
+    copy_now({upload.handle(), 0, upload.size()}, {constant_buffer_.handle(), 0, upload.size()});
+  }
+  if (options_.guard_bytes > 0) {
+    Buffer pattern(*context_, arena_.size(), true);
+    std::fill_n(reinterpret_cast<std::uint32_t*>(pattern.data()), arena_.size() / sizeof(guard_pattern),
+                guard_pattern);
+    copy_now({pattern.handle(), 0, pattern.size()}, {arena_.handle(), 0, pattern.size()});
+  }
+}
+
+Executor::~Executor() {
+  const DeviceFunctions& vk = context_->vk();
+  if (timestamps_) vk.DestroyQueryPool(context_->device(), timestamps_, context_->allocation());
+  if (semaphore_) vk.DestroySemaphore(context_->device(), semaphore_, context_->allocation());
+  if (pool_) vk.DestroyCommandPool(context_->device(), pool_, context_->allocation());
+}
+
+void Executor::find_inputs() {
+  std::set<TensorId> made, read;
+  for (const graph::Node& node : graph_.nodes) {
+    made.insert(node.outputs.begin(), node.outputs.end());
+    read.insert(node.inputs.begin(), node.inputs.end());
+  }
+  for (TensorId id : read)
+    if (!made.count(id)) inputs_.push_back(id);
+  for (TensorId id : {graph_.key_points, graph_.pose})
+    if (id != graph::no_tensor) outputs_.push_back(id);
+}
+
+std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout) const {
+  std::vector<std::size_t> sizes;
+  for (std::size_t i = 0; i < own_tensors_; ++i)
+    sizes.push_back(layout.rows(graph_.tensors[i].rows) * row_bytes(graph_.tensors[i]));
+  for (const KernelPtr& kernel : kernels_) sizes.push_back(kernel->scratch_bytes(layout));
+  return sizes;
+}
+
+void Executor::allocate(const Capacity& capacity) {
+  const std::size_t alignment = context_->capabilities().alignment;
+  const graph::BatchLayout largest = largest_layout(capacity);
+  std::vector<std::size_t> sizes = tensor_bytes(largest);
+  for (std::size_t& size : sizes) size = size == 0 ? 0 : aligned(size + options_.guard_bytes, alignment);
+  const graph::MemoryPlan plan =
+      graph::plan_memory(graph_, sizes, options_.retain || options_.guard_bytes > 0);
+  offsets_ = plan.offset;
+  arena_ = Buffer(*context_, std::max<std::size_t>(plan.bytes, alignment), false);
+
+  std::size_t constant_bytes = 0;
+  for (const KernelPtr& kernel : kernels_) {
+    const std::size_t bytes = kernel->constants().size() * sizeof(std::uint32_t);
+    constants_.push_back({VK_NULL_HANDLE, constant_bytes, bytes});
+    constant_bytes += aligned(bytes, alignment);
+  }
+  if (constant_bytes > 0) constant_buffer_ = Buffer(*context_, constant_bytes, false);
+  for (Range& range : constants_) range.buffer = constant_buffer_.handle();
+
+  for (Rows rows : table_rows)
+    table_bytes_ += aligned(16 * largest_tile_count(largest, rows), alignment) +
+                    aligned(sizeof(std::uint32_t) * (largest.segments(rows) + 1), alignment);
+  table_buffer_ = Buffer(*context_, table_bytes_, false);
+
+  std::size_t staging = table_bytes_, readback = 0;
+  for (TensorId id : inputs_) {
+    input_offset_.push_back(staging);
+    staging += aligned(sizes[id], alignment);
+  }
+  for (TensorId id : outputs_) readback += aligned(sizes[id], alignment);
+  staging_ = Buffer(*context_, staging, true);
+  if (readback > 0) readback_ = Buffer(*context_, readback, true);
+}
+
+std::size_t Executor::workspace_bytes() const {
+  return arena_.size() + table_buffer_.size() + constant_buffer_.size() + staging_.size() + readback_.size();
+}
+
+void Executor::prepare(const graph::BatchLayout& layout) {
+  if (layout.pairs() > capacity_.pairs || layout.rows(Rows::point) > capacity_.points ||
+      layout.key_points != capacity_.key_points)
+    throw Failure(ErrorCode::invalid_argument,
+                  "the batch has " + std::to_string(layout.pairs()) + " pairs and " +
+                      std::to_string(layout.rows(Rows::point)) + " points, the plan holds " +
+                      std::to_string(capacity_.pairs) + " and " + std::to_string(capacity_.points));
+  if (prepared_ && layout.cloud_offset == layout_.cloud_offset) return;
+  prepared_ = false;
+  layout_ = layout;
+  const auto sizes = tensor_bytes(layout_);
+  slots_.clear();
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const graph::TensorInfo& info = graph_.tensors[i];
+    slots_.push_back({{arena_.handle(), offsets_[i], sizes[i]}, info.rows, info.per_row, info.width});
+  }
+  lay_out_tables();
+  make_schedule();
+  record_all();
+  prepared_ = true;
+}
+
+void Executor::lay_out_tables() {
+  const std::size_t alignment = context_->capabilities().alignment;
+  std::size_t at = 0;
+  const auto place = [&](std::size_t bytes, std::size_t most) {
+    const Range range{table_buffer_.handle(), at, bytes};
+    at += aligned(most, alignment);
+    return range;
+  };
+  const graph::BatchLayout largest = largest_layout(capacity_);
+  for (const Rows rows : table_rows) {
+    RowTable table;
+    const std::uint32_t segments = layout_.segments(rows);
+    std::vector<std::uint32_t> offsets;
+    for (std::uint32_t s = 0; s <= segments; ++s)
+      offsets.push_back(static_cast<std::uint32_t>(layout_.begin(rows, s)));
+    for (std::uint32_t s = 0; s < segments; ++s)
+      for (std::uint32_t row = offsets[s], i = 0; row < offsets[s + 1]; row += tile_rows, ++i)
+        table.host_tiles.push_back({s, row, std::min(row + tile_rows, offsets[s + 1]), i});
+    table.tiles = place(16 * table.host_tiles.size(), 16 * largest_tile_count(largest, rows));
+    table.offsets = place(4 * offsets.size(), 4 * (largest.segments(rows) + 1));
+    std::memcpy(staging_.data() + table.tiles.offset, table.host_tiles.data(), table.tiles.size);
+    std::memcpy(staging_.data() + table.offsets.offset, offsets.data(), table.offsets.size);
+    (rows == Rows::point ? tables_.point
+     : rows == Rows::key ? tables_.key
+                         : tables_.pair_key) = std::move(table);
+  }
+}
+
+void Executor::make_schedule() {
+  schedule_.clear();
+  schedule_.begin_node(-1);
+  schedule_.copy({staging_.handle(), 0, table_bytes_}, {table_buffer_.handle(), 0, table_bytes_});
+  for (std::size_t i = 0; i < inputs_.size(); ++i)
+    schedule_.copy({staging_.handle(), input_offset_[i], slots_[inputs_[i]].range.size},
+                   slots_[inputs_[i]].range);
+  std::vector<Slot> in, out;
+  for (std::size_t n = 0; n < kernels_.size(); ++n) {
+    const graph::Node& node = graph_.nodes[n];
+    in.clear();
+    out.clear();
+    for (TensorId id : node.inputs) in.push_back(slots_[id]);
+    for (TensorId id : node.outputs) out.push_back(slots_[id]);
+    out.pop_back();  // scratch
+    schedule_.begin_node(static_cast<int>(n));
+    kernels_[n]->record({schedule_, layout_, tables_, constants_[n], slots_[scratch_[n]].range, in, out});
+  }
+  schedule_.begin_node(-1);
+  std::size_t at = 0;
+  for (TensorId id : outputs_) {
+    const Range& range = slots_[id].range;
+    schedule_.copy(range, {readback_.handle(), at, range.size});
+    at += aligned(range.size, context_->capabilities().alignment);
+  }
+  if (options_.shuffle) schedule_.shuffle(*options_.shuffle);
+}
+
+void Executor::record_all() {
+  const DeviceFunctions& vk = context_->vk();
+  submissions_.clear();
+  const auto& works = schedule_.works();
+  std::size_t begin = 0;
+  double cost = 0;
+  for (std::size_t w = 0; w < works.size(); ++w) {
+    if (w > begin && cost + works[w].cost > options_.submission_cost) {
+      submissions_.push_back({VK_NULL_HANDLE, begin, w});
+      begin = w;
+      cost = 0;
+    }
+    cost += works[w].cost;
+  }
+  submissions_.push_back({VK_NULL_HANDLE, begin, works.size()});
+  if (const std::size_t had = buffers_.size(); had < submissions_.size()) {
+    buffers_.resize(submissions_.size());
+    const VkCommandBufferAllocateInfo allocate{
+        .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
+        .pNext = nullptr,
+        .commandPool = pool_,
+        .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY,
+        .commandBufferCount = static_cast<std::uint32_t>(buffers_.size() - had)};
+    check(vk.AllocateCommandBuffers(context_->device(), &allocate, buffers_.data() + had),
+          "vkAllocateCommandBuffers");
+  }
+  recorder_.bind(schedule_);
+  recorder_.restart();
+  for (std::size_t i = 0; i < submissions_.size(); ++i) {
+    Submission& submission = submissions_[i];
+    submission.commands = buffers_[i];
+    const VkCommandBufferBeginInfo info{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
+                                        .pNext = nullptr,
+                                        .flags = 0,
+                                        .pInheritanceInfo = nullptr};
+    check(vk.BeginCommandBuffer(submission.commands, &info), "vkBeginCommandBuffer");
+    if (timestamps_ && i == 0)
+      vk.CmdResetQueryPool(submission.commands, timestamps_, 0,
+                           2 * static_cast<std::uint32_t>(kernels_.size()));
+    recorder_.record(submission.commands, schedule_, submission.begin, submission.end,
+                     {options_.barriers, options_.shuffle ? VK_NULL_HANDLE : timestamps_});
+    if (i + 1 == submissions_.size()) {
+      const VkMemoryBarrier to_host{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                    .pNext = nullptr,
+                                    .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                    .dstAccessMask = VK_ACCESS_HOST_READ_BIT};
+      vk.CmdPipelineBarrier(submission.commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT,
+                            0, 1, &to_host, 0, nullptr, 0, nullptr);
+    }
+    check(vk.EndCommandBuffer(submission.commands), "vkEndCommandBuffer");
+  }
+  counters_ = recorder_.counters();
+  counters_.submissions = submissions_.size();
+}
+
+float* Executor::input(TensorId id) const {
+  const auto at = std::find(inputs_.begin(), inputs_.end(), id) - inputs_.begin();
+  return reinterpret_cast<float*>(staging_.data() + input_offset_.at(static_cast<std::size_t>(at)));
+}
+
+void Executor::submit(VkCommandBuffer commands, const char* last) {
+  try {
+    context_->submit(commands, semaphore_, ++signalled_);
+  } catch (const Failure& failure) {
+    throw Failure(failure.error().code, failure.error().message + "; last dispatched kernel: " + last);
+  }
+}
+
+void Executor::run() {
+  const char* last = "none";
+  for (const Submission& submission : submissions_) {
+    for (std::size_t w = submission.begin; w < submission.end; ++w)
+      if (schedule_.works()[w].pipeline) last = schedule_.works()[w].name();
+    submit(submission.commands, last);
+    try {
+      if (&submission == &submissions_.back()) context_->wait(semaphore_, signalled_);
+    } catch (const Failure& failure) {
+      throw Failure(failure.error().code, failure.error().message + "; last dispatched kernel: " + last);
+    }
+  }
+  read_timestamps();
+}
+
+void Executor::read_timestamps() {
+  if (!timestamps_ || options_.shuffle) return;
+  std::vector<std::uint64_t> ticks(2 * kernels_.size());
+  const VkResult result = context_->vk().GetQueryPoolResults(
+      context_->device(), timestamps_, 0, static_cast<std::uint32_t>(ticks.size()),
+      ticks.size() * sizeof(std::uint64_t), ticks.data(), sizeof(std::uint64_t),
+      VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+  check(result, "vkGetQueryPoolResults");
+  const Capabilities& c = context_->capabilities();
+  const std::uint64_t mask = c.timestamp_bits >= 64 ? ~0ull : (1ull << c.timestamp_bits) - 1;
+  const auto since = [&](std::uint64_t later, std::uint64_t earlier) {
+    return static_cast<double>((later - earlier) & mask) * static_cast<double>(c.timestamp_period) * 1e-6;
+  };
+  for (std::size_t n = 0; n < kernels_.size(); ++n) {
+    milliseconds_[n] = since(ticks[2 * n + 1], ticks[2 * n]);
+    starts_[n] = since(ticks[2 * n], ticks[0]);
+  }
+}
+
+void Executor::copy_now(const Range& from, const Range& to) const {
+  const DeviceFunctions& vk = context_->vk();
+  const VkCommandBufferBeginInfo info{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
+                                      .pNext = nullptr,
+                                      .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT,
+                                      .pInheritanceInfo = nullptr};
+  check(vk.BeginCommandBuffer(copy_commands_, &info), "vkBeginCommandBuffer");
+  const VkBufferCopy region{from.offset, to.offset, from.size};
+  vk.CmdCopyBuffer(copy_commands_, from.buffer, to.buffer, 1, &region);
+  const VkMemoryBarrier barrier{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                .pNext = nullptr,
+                                .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                .dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_MEMORY_READ_BIT};
+  vk.CmdPipelineBarrier(copy_commands_, VK_PIPELINE_STAGE_TRANSFER_BIT,
+                        VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &barrier, 0,
+                        nullptr, 0, nullptr);
+  check(vk.EndCommandBuffer(copy_commands_), "vkEndCommandBuffer");
+  context_->submit(copy_commands_, semaphore_, ++signalled_);
+  context_->wait(semaphore_, signalled_);
+}
+
+std::vector<std::byte> Executor::read(TensorId id) const {
+  const Range& range = slots_[id].range;
+  if (const auto out = std::find(outputs_.begin(), outputs_.end(), id); out != outputs_.end()) {
+    std::size_t at = 0;
+    for (auto other = outputs_.begin(); other != out; ++other)
+      at += aligned(slots_[*other].range.size, context_->capabilities().alignment);
+    return {readback_.data() + at, readback_.data() + at + range.size};
+  }
+  const Buffer host(*context_, range.size, true);
+  copy_now(range, {host.handle(), 0, range.size});
+  return {host.data(), host.data() + range.size};
+}
+
+std::vector<float> Executor::real(TensorId id) const {
+  const std::vector<std::byte> bytes = read(id);
+  const graph::TensorInfo& info = graph_.tensors[id];
+  const std::size_t stride = padded(info.width), width = static_cast<std::size_t>(info.width);
+  const std::size_t entries = bytes.size() / sizeof(float) / stride;
+  std::vector<float> numbers(entries * width);
+  for (std::size_t i = 0; i < entries; ++i)
+    std::memcpy(numbers.data() + i * width, bytes.data() + i * stride * sizeof(float), width * sizeof(float));
+  return numbers;
+}
+
+std::vector<std::uint32_t> Executor::indices(TensorId id) const {
+  const std::vector<std::byte> bytes = read(id);
+  std::vector<std::uint32_t> numbers(bytes.size() / sizeof(std::uint32_t));
+  std::memcpy(numbers.data(), bytes.data(), bytes.size());
+  return numbers;
+}
+
+bool Executor::guards_hold() const {
+  const Buffer host(*context_, arena_.size(), true);
+  copy_now({arena_.handle(), 0, arena_.size()}, {host.handle(), 0, arena_.size()});
+  std::vector<bool> owned(arena_.size(), false);
+  for (const Slot& slot : slots_)
+    std::fill_n(owned.begin() + static_cast<std::ptrdiff_t>(slot.range.offset), slot.range.size, true);
+  for (std::size_t i = 0; i < owned.size(); ++i)
+    if (!owned[i] && host.data()[i] != std::byte{0xa5}) return false;
+  return true;
+}
+
+}  // namespace bitr::vk

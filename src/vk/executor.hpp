@@ -1,0 +1,107 @@
+// Runs a graph on a Vulkan device: memory and descriptors laid out once for a capacity, commands recorded
+// once per batch layout and replayed.
+#pragma once
+
+#include <optional>
+
+#include "graph/memory_plan.hpp"
+#include "vk/kernel.hpp"
+
+namespace bitr::vk {
+
+struct Capacity {
+  std::size_t pairs = 1, points = 0;
+  std::uint32_t key_points = 0;
+};
+
+struct ExecutorOptions {
+  bool retain = false;  ///< every tensor keeps its values after a run
+  Barriers barriers = Barriers::needed;
+  std::optional<std::uint64_t> shuffle =
+      {};                              ///< run in a random legal order (with `retain`, so that many are)
+  double submission_cost = most_cost;  ///< a new submission begins beyond this
+  std::size_t guard_bytes = 0;         ///< untouchable memory behind every tensor, for tests
+};
+
+class Executor {
+ public:
+  /// `graph` holds operations that Vulkan runs. Allocates everything a batch within the capacity needs.
+  Executor(std::shared_ptr<const Context> context, graph::Graph graph, const Capacity& capacity,
+           const ExecutorOptions& options = {});
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  /// Lays out a batch within the capacity; records only if it differs from the last one.
+  void prepare(const graph::BatchLayout& layout);
+  /// After prepare(), before run(): an input's rows, `padded(width)` numbers each (tight for index tensors).
+  float* input(graph::TensorId id) const;
+  /// Submits and waits.
+  void run();
+  /// After run(): an output's rows, tight; with `retain` those of any tensor.
+  std::vector<float> real(graph::TensorId id) const;
+  std::vector<std::uint32_t> indices(graph::TensorId id) const;
+
+  /// Adds the work of the prepared batch to a command buffer of the host's, reading positions from
+  /// `positions` and writing poses to `poses` instead of the executor's own staging memory.
+  void record(VkCommandBuffer commands, const Schedule& before, const Schedule& after);
+
+  const graph::Graph& graph() const { return graph_; }
+  const graph::BatchLayout& layout() const { return layout_; }
+  const Context& context() const { return *context_; }
+  std::size_t workspace_bytes() const;
+  const Counters& counters() const { return counters_; }
+  /// Milliseconds per node of the last run; zeros where the device has no clock.
+  const std::vector<double>& node_milliseconds() const { return milliseconds_; }
+  /// Where each node begins, in milliseconds since the first one began.
+  const std::vector<double>& node_starts() const { return starts_; }
+  /// False if a kernel wrote behind a tensor.
+  bool guards_hold() const;
+  Slot slot(graph::TensorId id) const { return slots_[id]; }
+
+ private:
+  struct Submission {
+    VkCommandBuffer commands;
+    std::size_t begin, end;  // works
+  };
+  void find_inputs();
+  void allocate(const Capacity& capacity);
+  std::vector<std::size_t> tensor_bytes(const graph::BatchLayout& layout) const;
+  void lay_out_tables();
+  void make_schedule();
+  void record_all();
+  void submit(VkCommandBuffer commands, const char* last);
+  void read_timestamps();
+  void copy_now(const Range& from, const Range& to) const;
+  std::vector<std::byte> read(graph::TensorId id) const;
+
+  std::shared_ptr<const Context> context_;
+  graph::Graph graph_;
+  std::size_t own_tensors_;  // of the graph; scratch memory follows
+  std::vector<graph::TensorId> scratch_, inputs_, outputs_;
+  Capacity capacity_;
+  ExecutorOptions options_;
+  std::vector<KernelPtr> kernels_;
+  std::vector<Range> constants_;
+  Buffer constant_buffer_, arena_, table_buffer_, staging_, readback_;
+  std::vector<std::size_t> offsets_;       // in the arena, per tensor
+  std::vector<std::size_t> input_offset_;  // in staging_, per input
+  std::size_t table_bytes_ = 0;
+  graph::BatchLayout layout_;
+  bool prepared_ = false;
+  Tables tables_;
+  std::vector<Slot> slots_;
+  Schedule schedule_;
+  Recorder recorder_;
+  Counters counters_;
+  VkCommandPool pool_ = VK_NULL_HANDLE;
+  std::vector<VkCommandBuffer> buffers_;  // as many as were ever needed
+  mutable VkCommandBuffer copy_commands_ = VK_NULL_HANDLE;
+  VkSemaphore semaphore_ = VK_NULL_HANDLE;
+  mutable std::uint64_t signalled_ = 0;
+  VkQueryPool timestamps_ = VK_NULL_HANDLE;
+  std::vector<Submission> submissions_;
+  std::vector<double> milliseconds_, starts_;
+};
+
+}  // namespace bitr::vk

@@ -1,0 +1,48 @@
+#include "vk/kernel.hpp"
+
+#include <algorithm>
+#include <bit>
+
+#include "core/failure.hpp"
+
+namespace bitr::vk {
+
+void Kernel::add_constant(double value) {
+  constants_.push_back(std::bit_cast<std::uint32_t>(static_cast<float>(value)));
+}
+
+void Kernel::add_constants(const Eigen::MatrixXd& matrix) {
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r)
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c) add_constant(matrix(r, c));
+}
+
+KernelPtr kernel_for(const Site& site, const ops::Op& op) {
+  return std::visit(
+      [&](const auto& concrete) -> KernelPtr {
+        if constexpr (requires { make_kernel(site, concrete); })
+          return make_kernel(site, concrete);
+        else
+          throw Failure(ErrorCode::unsupported, "an operation of the graph runs on the CPU only");
+      },
+      op);
+}
+
+std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row) {
+  const double tiles = most_cost / (cost_per_row * tile_rows);
+  const std::uint32_t most =
+      static_cast<std::uint32_t>(std::clamp(tiles, 1.0, static_cast<double>(capabilities.groups)));
+  std::vector<TileRun> runs;
+  const auto& all = table.host_tiles;
+  for (std::uint32_t first = 0; first < all.size(); first += most) {
+    const std::uint32_t count = std::min<std::uint32_t>(most, static_cast<std::uint32_t>(all.size()) - first);
+    runs.push_back({first, count, all[first][1] / 64 * 64, all[first + count - 1][2]});
+  }
+  return runs;
+}
+
+Range rows_of(const Slot& index, const TileRun& run) {
+  const VkDeviceSize row = sizeof(std::uint32_t) * static_cast<VkDeviceSize>(index.per_row);
+  return index.range.sub(run.first_row * row, (run.end_row - run.first_row) * row);
+}
+
+}  // namespace bitr::vk

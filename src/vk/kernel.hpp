@@ -1,0 +1,113 @@
+// What every Vulkan kernel is: an operation made ready for one device, put into a schedule.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "graph/graph.hpp"
+#include "ops/op.hpp"
+#include "vk/parameters.hpp"
+#include "vk/schedule.hpp"
+
+namespace bitr::vk {
+
+/// Rows of a segment (cloud or pair) that one work group takes; also its size.
+constexpr std::uint32_t tile_rows = 32;
+
+/// Numbers of a row are padded to whole vec4s, so that a shader may read any tensor either way.
+constexpr std::uint32_t padded(int width) { return (static_cast<std::uint32_t>(width) + 3) / 4 * 4; }
+
+/// One tensor's memory.
+struct Slot {
+  Range range;
+  graph::Rows rows = graph::Rows::point;
+  int per_row = 1;
+  int width = 1;
+};
+
+/// The rows of one kind on the device.
+struct RowTable {
+  Range tiles;    ///< uvec4 per tile: segment, first row, row past the last, tile within the segment
+  Range offsets;  ///< u32 per segment, and one: first row
+  std::vector<std::array<std::uint32_t, 4>> host_tiles;
+};
+
+struct Tables {
+  RowTable point, key, pair_key;
+  const RowTable& of(graph::Rows rows) const {
+    return rows == graph::Rows::point ? point : rows == graph::Rows::key ? key : pair_key;
+  }
+};
+
+struct Arguments {
+  Schedule& schedule;
+  const graph::BatchLayout& layout;
+  const Tables& tables;
+  Range constants;  ///< of this kernel
+  Range scratch;    ///< of this kernel
+  std::span<const Slot> in;
+  std::span<const Slot> out;
+};
+
+class Kernel {
+ public:
+  virtual ~Kernel() = default;
+  /// Bytes of memory needed while it runs, for a batch of this layout.
+  virtual std::size_t scratch_bytes(const graph::BatchLayout&) const { return 0; }
+  /// Adds its work to the schedule.
+  virtual void record(const Arguments& arguments) const = 0;
+  /// Read-only numbers, uploaded once.
+  const std::vector<std::uint32_t>& constants() const { return constants_; }
+
+ protected:
+  void add_constant(double value);
+  void add_constant(std::uint32_t value) { constants_.push_back(value); }
+  void add_constants(const Eigen::MatrixXd& matrix);  ///< row-major
+  /// Zeros up to a multiple of `count` numbers.
+  void pad_constants(std::size_t count) {
+    while (constants_.size() % count) constants_.push_back(0);
+  }
+
+ private:
+  std::vector<std::uint32_t> constants_;
+};
+
+using KernelPtr = std::unique_ptr<Kernel>;
+
+/// What a kernel may know when it is made.
+struct Site {
+  const Context& context;
+  std::vector<graph::TensorInfo> in, out;
+};
+
+// One maker per operation, each in the file of its stem.
+KernelPtr make_kernel(const Site& site, const ops::Knn& op);
+KernelPtr make_kernel(const Site& site, const ops::InputFeatures& op);
+KernelPtr make_kernel(const Site& site, const ops::MergePairs& op);
+KernelPtr make_kernel(const Site& site, const ops::Head& op);
+KernelPtr make_kernel(const Site& site, const ops::ProjectPose& op);
+KernelPtr make_kernel(const Site& site, const ops::MeanDirection& op);
+KernelPtr make_kernel(const Site& site, const ops::PointAttention& op);
+KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op);
+KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op);
+KernelPtr make_kernel(const Site& site, const ops::PairAttention& op);
+
+/// Throws Failure (`unsupported`) for an operation that only the CPU runs.
+KernelPtr kernel_for(const Site& site, const ops::Op& op);
+
+/// Runs of tiles whose dispatch costs at most the schedule's bound and fits into one axis of the grid.
+struct TileRun {
+  std::uint32_t first, count;
+  /// Rows the run touches: from a multiple of 64, so that bindings stay aligned, to past its last.
+  std::uint32_t first_row, end_row;
+};
+std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row);
+
+/// The part of an index tensor that a run of tiles touches.
+Range rows_of(const Slot& index, const TileRun& run);
+
+/// Floating-point operations that one dispatch may take: about half a second of the slowest device here.
+constexpr double most_cost = 2e10;
+
+}  // namespace bitr::vk
