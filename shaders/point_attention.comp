@@ -1,3 +1,247 @@
+// point_attention.comp: one-sided attention whose edges carry no weights, and its projected ReLU, an invocation
+// per centre; see src/ops/point_attention.hpp for the algebra and the names of the matrices.
+// in  0 features     f32[P,F]      C0 scalars, C1 vectors (y,z,x); padded to F, a multiple of 4
+// in  1 index        u32[Q,K]
+// in  2 centres      f32[Q,4]      xyz
+// in  3 neighbours   f32[P,4]      xyz
+// in  4 coefficients f32[clouds,D] matrices of degree 0 (M0 O0 S0 Mz0 Oz0), if they come per cloud
+// in  5 tiles        u32[tiles,4]
+// out 6 result       f32[Q,R]      OUT0 scalars, OUT1 vectors; padded to R
+// con 7 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
+// spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS | grid tiles | shared 0 KiB
+// loops ≤ K ≤ 64 < 65535 | error: 2e-5 of the largest output entry | fp32
 #version 450
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_GOOGLE_include_directive : require
+#include "common/edge.glsl"
+#include "common/parameters.glsl"
+#include "common/projected_relu.glsl"
+
 layout(local_size_x_id = 0) in;
-void main() {}
+layout(constant_id = 1) const int K = 24;
+layout(constant_id = 2) const int C0 = 4;
+layout(constant_id = 3) const int C1 = 4;
+layout(constant_id = 4) const int OUT0 = 4;
+layout(constant_id = 5) const int OUT1 = 4;
+layout(constant_id = 6) const int HEADS = 2;
+layout(constant_id = 7) const uint FLAGS = 0;
+layout(constant_id = 8) const int WEIGHTS = 64;  // vec4s
+
+const bool UNIFORM = (FLAGS & 1u) != 0u;
+const bool DIRECTION = (FLAGS & 2u) != 0u;
+const bool PER_CLOUD = (FLAGS & 4u) != 0u;
+const bool RELU = (FLAGS & 8u) != 0u;
+const bool VECTOR_KEYS = (FLAGS & 16u) != 0u;
+
+// Paths of the two degrees, of edges and of zero-length edges.
+const int N0 = C0 + C1 + (DIRECTION ? 3 : 0);
+const int N1 = OUT1 > 0 ? C0 + 3 * C1 : 0;
+const int Z0 = C0 + 1;
+const int Z1 = OUT1 > 0 ? C1 : 0;
+const int QUERIES = UNIFORM ? 0 : 1;
+const int KEYS1 = UNIFORM || !VECTOR_KEYS ? 0 : 1;
+
+const int M1 = 0;
+const int O1 = M1 + KEYS1 * HEADS * N1 * C1;
+const int S1 = O1 + OUT1 * HEADS * N1;
+const int MZ1 = S1 + QUERIES * OUT1 * C1;
+const int OZ1 = MZ1 + KEYS1 * HEADS * Z1 * C1;
+const int PLANE = OZ1 + OUT1 * HEADS * Z1;
+const int DEGREE0 = (PLANE + (RELU ? OUT1 * OUT1 : 0) + 3) / 4 * 4;
+
+const int M0 = 0;
+const int O0 = M0 + QUERIES * HEADS * N0 * Z0;
+const int S0 = O0 + OUT0 * HEADS * N0;
+const int MZ0 = S0 + QUERIES * OUT0 * Z0;
+const int OZ0 = MZ0 + QUERIES * HEADS * Z0 * Z0;
+const int COEFFICIENT_STRIDE = (OZ0 + OUT0 * HEADS * Z0 + 3) / 4 * 4;
+
+const int F4 = (C0 + 3 * C1 + 3) / 4;
+const int R4 = (OUT0 + 3 * OUT1 + 3) / 4;
+
+// Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
+const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
+
+layout(set = 0, binding = 0) readonly buffer Features { vec4 features[]; };
+layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
+layout(set = 0, binding = 2) readonly buffer Centres { vec4 centres[]; };
+layout(set = 0, binding = 3) readonly buffer Neighbours { vec4 neighbours[]; };
+layout(set = 0, binding = 4) readonly buffer Coefficients { float coefficients[]; };
+layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
+layout(set = 0, binding = 6) writeonly buffer Result { vec4 result[]; };
+layout(set = 0, binding = 7) uniform Weights { vec4 weights[WEIGHTS]; };
+layout(push_constant) uniform Push { PointParameters p; };
+
+uint cloud;
+
+float weight1(int i) { return weights[i / 4][i % 4]; }
+float weight0(int i) {
+  return PER_CLOUD ? coefficients[cloud * COEFFICIENT_STRIDE + i] : weight1(DEGREE0 + i);
+}
+
+#define SCALAR(f, c) f[c]
+#define VECTOR(f, c) vec3(f[C0 + 3 * (c)], f[C0 + 3 * (c) + 1], f[C0 + 3 * (c) + 2])
+// The row of a point into f[4 * F4].
+#define LOAD_FEATURE(f, row)                       \
+  [[unroll]] for (int i = 0; i < F4; ++i) {        \
+    const vec4 part = features[(row) * F4 + i];    \
+    f[4 * i] = part.x, f[4 * i + 1] = part.y;      \
+    f[4 * i + 2] = part.z, f[4 * i + 3] = part.w;  \
+  }
+
+void main() {
+  const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
+  const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1);
+  cloud = tile.x;
+
+  float query0[HEADS * N0];
+  vec3 query1[HEADS * N1 > 0 ? HEADS * N1 : 1];
+  float own[4 * F4];
+  if (!UNIFORM) {
+    LOAD_FEATURE(own, row)
+    [[unroll]] for (int i = 0; i < HEADS * N0; ++i) {
+      query0[i] = weight0(M0 + i * Z0 + C0);
+      [[unroll]] for (int c = 0; c < C0; ++c) query0[i] += weight0(M0 + i * Z0 + c) * SCALAR(own, c);
+    }
+    [[unroll]] for (int i = 0; i < KEYS1 * HEADS * N1; ++i) {
+      query1[i] = vec3(0);
+      [[unroll]] for (int c = 0; c < C1; ++c) query1[i] += weight1(M1 + i * C1 + c) * VECTOR(own, c);
+    }
+  }
+
+  // Softmax in one pass over the edges: relative to the largest logit so far.
+  float largest[HEADS], total[HEADS];
+  float sum0[HEADS * N0], zero_sum0[HEADS * Z0];
+  vec3 sum1[HEADS * N1 > 0 ? HEADS * N1 : 1], zero_sum1[HEADS * Z1 > 0 ? HEADS * Z1 : 1];
+  [[unroll]] for (int h = 0; h < HEADS; ++h) {
+    largest[h] = UNIFORM ? 0.0 : uintBitsToFloat(0xff800000u);
+    total[h] = 0.0;
+  }
+  [[unroll]] for (int i = 0; i < HEADS * N0; ++i) sum0[i] = 0.0;
+  [[unroll]] for (int i = 0; i < HEADS * N1; ++i) sum1[i] = vec3(0);
+  [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) zero_sum0[i] = 0.0;
+  [[unroll]] for (int i = 0; i < HEADS * Z1; ++i) zero_sum1[i] = vec3(0);
+  bool duplicates = false;
+
+  const vec3 centre = centres[row].xyz;
+  const uint first_edge = (row - p.first_row) * K;
+  for (int j = 0; j < K; ++j) {
+    const uint neighbour = index[first_edge + j];
+    const Edge edge = edge_between(centre, neighbours[neighbour].xyz);
+    const vec3 v = edge.direction;
+    float f[4 * F4];
+    LOAD_FEATURE(f, neighbour)
+    const float positive = edge.zero ? 0.0 : 1.0;
+    duplicates = duplicates || edge.zero;
+
+    // φ, zero for edges of length zero.
+    float phi0[N0];
+    vec3 phi1[N1 > 0 ? N1 : 1];
+    [[unroll]] for (int c = 0; c < C0; ++c) phi0[c] = positive * SCALAR(f, c);
+    [[unroll]] for (int c = 0; c < C1; ++c) phi0[C0 + c] = dot(v, VECTOR(f, c));
+    if (DIRECTION) {
+      phi0[N0 - 3] = v.x;
+      phi0[N0 - 2] = v.y;
+      phi0[N0 - 1] = v.z;
+    }
+    if (N1 > 0) {
+      [[unroll]] for (int c = 0; c < C0; ++c) phi1[c] = v * SCALAR(f, c);
+      [[unroll]] for (int c = 0; c < C1; ++c) {
+        phi1[C0 + c] = CG0 * positive * VECTOR(f, c);
+        phi1[C0 + C1 + c] = CG1 * cross(v, VECTOR(f, c));
+        phi1[C0 + 2 * C1 + c] = CG2 * (3.0 * phi0[C0 + c] * v - edge.square * VECTOR(f, c));
+      }
+    }
+
+    [[unroll]] for (int h = 0; h < HEADS; ++h) {
+      float scale = 1.0, weight = 1.0;
+      if (!UNIFORM) {
+        float logit = 0.0;
+        [[unroll]] for (int i = 0; i < N0; ++i) logit += query0[h * N0 + i] * phi0[i];
+        [[unroll]] for (int i = 0; i < KEYS1 * N1; ++i) logit += dot(query1[h * N1 + i], phi1[i]);
+        if (edge.zero) {
+          [[unroll]] for (int i = 0; i < Z0; ++i) {
+            const int at = MZ0 + (h * Z0 + i) * Z0;
+            float q = weight0(at + C0);
+            [[unroll]] for (int c = 0; c < C0; ++c) q += weight0(at + c) * SCALAR(own, c);
+            logit += q * (i < C0 ? SCALAR(f, i < C0 ? i : 0) : 1.0);
+          }
+          [[unroll]] for (int i = 0; i < KEYS1 * Z1; ++i) {
+            vec3 q = vec3(0);
+            [[unroll]] for (int c = 0; c < C1; ++c) q += weight1(MZ1 + (h * Z1 + i) * C1 + c) * VECTOR(own, c);
+            logit += dot(q, VECTOR(f, i));
+          }
+        }
+        const float above = logit - largest[h];
+        const float less = exp(-abs(above));
+        scale = above > 0.0 ? less : 1.0;
+        weight = above > 0.0 ? 1.0 : less;
+        largest[h] = max(largest[h], logit);
+      }
+      total[h] = total[h] * scale + weight;
+      [[unroll]] for (int i = 0; i < N0; ++i) sum0[h * N0 + i] = sum0[h * N0 + i] * scale + weight * phi0[i];
+      [[unroll]] for (int i = 0; i < N1; ++i) sum1[h * N1 + i] = sum1[h * N1 + i] * scale + weight * phi1[i];
+      if (duplicates) {
+        const float zero_weight = edge.zero ? weight : 0.0;
+        [[unroll]] for (int i = 0; i < Z0; ++i)
+          zero_sum0[h * Z0 + i] = zero_sum0[h * Z0 + i] * scale +
+                                  zero_weight * (i < C0 ? SCALAR(f, i < C0 ? i : 0) : 1.0);
+        [[unroll]] for (int i = 0; i < Z1; ++i)
+          zero_sum1[h * Z1 + i] = zero_sum1[h * Z1 + i] * scale + zero_weight * VECTOR(f, i);
+      }
+    }
+  }
+
+  [[unroll]] for (int h = 0; h < HEADS; ++h) {
+    const float share = 1.0 / total[h];
+    [[unroll]] for (int i = 0; i < N0; ++i) sum0[h * N0 + i] *= share;
+    [[unroll]] for (int i = 0; i < N1; ++i) sum1[h * N1 + i] *= share;
+    [[unroll]] for (int i = 0; i < Z0; ++i) zero_sum0[h * Z0 + i] *= share;
+    [[unroll]] for (int i = 0; i < Z1; ++i) zero_sum1[h * Z1 + i] *= share;
+  }
+
+  float scalars[OUT0 > 0 ? OUT0 : 1];
+  vec3 vectors[OUT1 > 0 ? OUT1 : 1];
+  [[unroll]] for (int o = 0; o < OUT0; ++o) {
+    float x = 0.0;
+    if (!UNIFORM) {
+      x = weight0(S0 + o * Z0 + C0);
+      [[unroll]] for (int c = 0; c < C0; ++c) x += weight0(S0 + o * Z0 + c) * SCALAR(own, c);
+    }
+    [[unroll]] for (int i = 0; i < HEADS * N0; ++i) x += weight0(O0 + o * HEADS * N0 + i) * sum0[i];
+    scalars[o] = x;
+  }
+  [[unroll]] for (int o = 0; o < OUT1; ++o) {
+    vec3 x = vec3(0);
+    if (!UNIFORM) {
+      [[unroll]] for (int c = 0; c < C1; ++c) x += weight1(S1 + o * C1 + c) * VECTOR(own, c);
+    }
+    [[unroll]] for (int i = 0; i < HEADS * N1; ++i) x += weight1(O1 + o * HEADS * N1 + i) * sum1[i];
+    vectors[o] = x;
+  }
+  if (duplicates) {
+    [[unroll]] for (int o = 0; o < OUT0; ++o)
+      [[unroll]] for (int i = 0; i < HEADS * Z0; ++i)
+        scalars[o] += weight0(OZ0 + o * HEADS * Z0 + i) * zero_sum0[i];
+    [[unroll]] for (int o = 0; o < OUT1; ++o)
+      [[unroll]] for (int i = 0; i < HEADS * Z1; ++i)
+        vectors[o] += weight1(OZ1 + o * HEADS * Z1 + i) * zero_sum1[i];
+  }
+
+  float row_out[4 * R4];
+  [[unroll]] for (int o = 0; o < OUT0; ++o) row_out[o] = RELU ? leaky(scalars[o]) : scalars[o];
+  [[unroll]] for (int o = 0; o < OUT1; ++o) {
+    vec3 x = vectors[o];
+    if (RELU) {
+      vec3 mixed = vec3(0);
+      [[unroll]] for (int c = 0; c < OUT1; ++c) mixed += weight1(PLANE + o * OUT1 + c) * vectors[c];
+      x = projected_relu(x, mixed);
+    }
+    row_out[OUT0 + 3 * o] = x.x, row_out[OUT0 + 3 * o + 1] = x.y, row_out[OUT0 + 3 * o + 2] = x.z;
+  }
+  [[unroll]] for (int i = OUT0 + 3 * OUT1; i < 4 * R4; ++i) row_out[i] = 0.0;
+  if (tile.y + gl_LocalInvocationID.x < tile.z) {
+    [[unroll]] for (int i = 0; i < R4; ++i)
+      result[row * R4 + i] = vec4(row_out[4 * i], row_out[4 * i + 1], row_out[4 * i + 2], row_out[4 * i + 3]);
+  }
+}

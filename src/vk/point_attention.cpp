@@ -1,10 +1,70 @@
 #include "core/failure.hpp"
+#include "point_attention.spv.hpp"
 #include "vk/kernel.hpp"
 
 namespace bitr::vk {
+namespace {
 
-KernelPtr make_kernel(const Site&, const ops::PointAttention&) {
-  throw Failure(ErrorCode::unsupported, "point_attention has no Vulkan kernel yet");
+constexpr Access bindings[] = {Access::read, Access::read, Access::read,  Access::read,
+                               Access::read, Access::read, Access::write, Access::constant};
+constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
+
+// FLAGS of the shader.
+constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16;
+
+class PointAttentionKernel : public Kernel {
+ public:
+  PointAttentionKernel(const Site& site, const ops::PointAttention& op)
+      : op_(op), capabilities_(site.context.capabilities()) {
+    for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
+    pad_constants(4);
+    if (!op.per_cloud)
+      for (const auto* matrix : {&op.M0, &op.O0, &op.S0, &op.Mz0, &op.Oz0}) add_constants(*matrix);
+    if (constants().empty()) add_constant(0.0);
+    pad_constants(4);
+    pipeline_ = &site.context.pipeline(shader, specializations(site));
+  }
+
+  void record(const Arguments& args) const override {
+    const Slot &features = args.in[0], &index = args.in[1], &result = args.out[0];
+    const RowTable& table = args.tables.of(result.rows);
+    // Products and sums of φ, per edge and head.
+    const double cost = index.per_row * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
+    for (const TileRun& run : tile_runs(table, capabilities_, cost))
+      args.schedule.dispatch(
+          *pipeline_,
+          {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
+           op_.per_cloud ? args.in[4].range : features.range, table.tiles, result.range, args.constants},
+          PointParameters{run.first, run.first_row}, {run.count, 1, 1}, cost * (run.end_row - run.first_row));
+  }
+
+ private:
+  std::array<std::uint32_t, 9> specializations(const Site& site) const {
+    const ops::PointAttention& op = op_;
+    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
+    const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
+                                (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
+                                (op.M1.size() > 0 ? vector_keys : 0u);
+    return {tile_rows,
+            number(site.in[1].per_row),
+            number(op.c0),
+            number(op.c1),
+            number(op.m0),
+            number(op.m1),
+            number(op.heads),
+            flags,
+            static_cast<std::uint32_t>(constants().size() / 4)};
+  }
+
+  const ops::PointAttention op_;
+  const Pipeline* pipeline_ = nullptr;
+  const Capabilities& capabilities_;
+};
+
+}  // namespace
+
+KernelPtr make_kernel(const Site& site, const ops::PointAttention& op) {
+  return std::make_unique<PointAttentionKernel>(site, op);
 }
 
 }  // namespace bitr::vk

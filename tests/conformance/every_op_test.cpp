@@ -90,9 +90,9 @@ class EveryOp : public testing::TestWithParam<Case> {
           compare(single[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);
       }
       if (!on_vulkan) continue;
+      SCOPED_TRACE("on Vulkan");
       const auto device = test::run_op_vulkan(node.op, layout, inputs, outputs);
-      for (std::size_t i = 0; i < outputs.size(); ++i) {
-        SCOPED_TRACE("on Vulkan");
+      for (std::size_t i = 0; i < device.size(); ++i) {
         EXPECT_EQ(device[i].indices, single[i].indices) << graph.tensors[node.outputs[i]].name;
         if (!outputs[i].index)
           compare(device[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);

@@ -45,10 +45,11 @@ class ValidationCheck : public testing::Environment {
 };
 inline testing::Environment* const validation_check = testing::AddGlobalTestEnvironment(new ValidationCheck);
 
-/// Runs `op` on the device; expects the memory around every tensor untouched; returns the outputs.
+/// Runs `op` on the device; expects the memory around every tensor untouched; returns the outputs, or none
+/// after a failure.
 inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::BatchLayout& layout,
                                            const std::vector<OpTensor>& inputs,
-                                           const std::vector<OpTensor>& outputs) {
+                                           const std::vector<OpTensor>& outputs) try {
   graph::Graph graph;
   graph::Node node{"op", op, {}, {}};
   const auto add = [&](const OpTensor& tensor) {
@@ -89,6 +90,9 @@ inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::Batch
   }
   EXPECT_TRUE(executor.guards_hold()) << "written outside an output";
   return results;
+} catch (const Failure& failure) {
+  ADD_FAILURE() << failure.what();
+  return {};
 }
 
 }  // namespace bitr::test

@@ -1,0 +1,12 @@
+// Slopes and floors of src/ops/projected_relu.hpp.
+const float LEAKY_SLOPE = 0.2;
+const float PLANE_NORM_FLOOR = 1e-8;
+
+float leaky(float x) { return x > 0.0 ? x : LEAKY_SLOPE * x; }
+
+// x minus what lies behind the plane with normal `mixed`.
+vec3 projected_relu(vec3 x, vec3 mixed) {
+  const float along = dot(x, mixed);
+  const float norm = max(length(mixed), PLANE_NORM_FLOOR);
+  return along >= 0.0 ? x : x - (1.0 - LEAKY_SLOPE) * along / norm * mixed;
+}
