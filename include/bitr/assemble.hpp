@@ -76,21 +76,36 @@ struct Assembly {
 struct StageTime {
   std::string stage;
   double milliseconds = 0;
+  double start_ms = 0;   ///< since the first forward pass of the assemble() began
+  std::size_t pass = 0;  ///< of that assemble(), from 0
 };
 
-/// A model made ready for one device: folded weights, schedule and, from the first assemble() on, workspace.
-/// Belongs to one thread at a time.
+/// What one forward pass asks of a Vulkan device: the same on every device of a tier, whatever the times.
+struct PlanCounters {
+  std::size_t dispatches = 0;   ///< kernels started
+  std::size_t copies = 0;       ///< inputs to the device, outputs back
+  std::size_t barriers = 0;     ///< where kernels wait for earlier ones
+  std::size_t submissions = 0;  ///< to the queue
+};
+
+/// A model made ready for one device: folded weights, schedule and workspace. Belongs to one thread at a
+/// time.
 class Plan {
  public:
+  const Device& device() const;
   const Model& model() const;
   const PlanOptions& options() const;
   Mode mode() const;
   BatchShape capacity() const;
-  /// Memory held for tensors between operations: 0 before the first assemble(), then what the largest batch
-  /// took.
-  std::size_t workspace_bytes() const;            ///< memory held for tensors between operations
+  /// Memory held for tensors. On the CPU 0 before the first assemble(), then what the largest batch took. On
+  /// a Vulkan device what the capacity takes, with buffers for input and output, all of it from the start.
+  std::size_t workspace_bytes() const;
   std::size_t operation_count() const;            ///< operations a forward pass runs
   const std::vector<StageTime>& timings() const;  ///< of the last assemble(), summed over its forward passes
+  /// Every operation of the last assemble(), in the order they ran. Durations are 0 where a GPU has no clock.
+  const std::vector<StageTime>& profile() const;
+  /// Of the last forward pass; zeros on the CPU.
+  PlanCounters counters() const;
 
   struct Impl;
   explicit Plan(std::unique_ptr<Impl> impl);
@@ -98,13 +113,15 @@ class Plan {
   Plan& operator=(Plan&&) noexcept;
   ~Plan();
   Impl& impl() { return *impl_; }
+  const Impl& impl() const { return *impl_; }
 
  private:
   std::unique_ptr<Impl> impl_;
 };
 
-/// `invalid_argument` when the capacity is 0 or beyond 2³²/64 pairs or points; `internal` when memory runs
-/// out.
+/// `invalid_argument` when the capacity is 0 or beyond 2³²/64 pairs or points; `unsupported` for f64 or
+/// as_defined on a Vulkan device, which runs the folded network in f32 only; `internal` when memory, the
+/// device's included, runs out; `device_lost`.
 Result<Plan> make_plan(const Device& device, const Model& model, const BatchShape& capacity,
                        const PlanOptions& options = {});
 
@@ -112,9 +129,17 @@ Result<Plan> make_plan(const Device& device, const Model& model, const BatchShap
 /// nothing. `invalid_argument` when a cloud has fewer than max(k_neighbor + 1, key_mean_num) points, a
 /// non-finite coordinate, no extent or one beyond the precision (1e-15 … 1e15 in f32, 1e±120 in f64), lacks
 /// the normals or colours the model reads, or the batch exceeds the plan's capacity; the message names the
-/// pair and the cloud.
+/// pair and the cloud. `device_lost` names the last kernel that was started; nothing waits for ever, and a
+/// new device can be made in the same process.
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options = {});
+
+/// Runs one tiny pair, so that a driver compiles every kernel now and not in the first assemble().
+/// `invalid_argument` when the plan's capacity is too small for any pair.
+Result<void> prewarm(Plan& plan);
+
+/// Plan::profile() in Chrome's trace-event JSON, for ui.perfetto.dev or chrome://tracing.
+std::string chrome_trace(const Plan& plan);
 
 /// One stage of the network, compared with its definition.
 struct StageDifference {

@@ -110,7 +110,7 @@ Result<Pass> forward_made(Plan::Impl& plan, std::span<const CloudPair> pairs, Ma
 
 Result<std::vector<Assembly>> assemble_checked(Plan::Impl& impl, std::span<const CloudPair> pairs,
                                                const AssembleOptions& options) {
-  impl.timings.clear();
+  impl.begin();
   if (pairs.empty()) return std::vector<Assembly>();
   // One after the other, so that options cost time and not memory.
   const auto pass = forward(impl, pairs);

@@ -79,6 +79,10 @@ Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std
 
 }  // namespace
 
+std::size_t least_points(const ModelConfig& config) {
+  return static_cast<std::size_t>(std::max(config.k_neighbor + 1, config.key_mean_num));
+}
+
 Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs) {
   const ModelConfig& config = plan.model.config();
   const Range& range = plan.options.precision == Precision::f32 ? range_f32 : range_f64;
@@ -87,7 +91,7 @@ Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pair
   std::size_t total = 0;
   for (const CloudPair& pair : pairs) batch.clouds.push_back(&pair.source);
   for (const CloudPair& pair : pairs) batch.clouds.push_back(&pair.reference);
-  const std::size_t least = static_cast<std::size_t>(std::max(config.k_neighbor + 1, config.key_mean_num));
+  const std::size_t least = least_points(config);
   for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
     const CloudView& cloud = *batch.clouds[c];
     const std::string label = cloud_label(c, pairs.size());

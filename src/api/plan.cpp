@@ -7,73 +7,52 @@
 #include "model/weights.hpp"
 
 namespace bitr {
-namespace {
 
-template <class T>
-class TypedRunner : public Runner {
- public:
-  TypedRunner(graph::Graph graph, bool retain) : executor_(std::move(graph), retain) {}
-
-  void run(const PackedBatch& batch, cpu::ThreadPool& pool) override {
-    executor_.prepare(batch.layout);
-    const graph::Graph& graph = executor_.graph();
-    for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
-      const std::size_t row = batch.layout.cloud_offset[c];
-      copy(batch.clouds[c]->positions, batch.centroids[c], executor_.data(graph.positions) + 3 * row);
-      if (graph.normals != graph::no_tensor)
-        copy(batch.clouds[c]->normals, {0, 0, 0}, executor_.data(graph.normals) + 3 * row);
-      if (graph.colors != graph::no_tensor)
-        copy(batch.clouds[c]->colors, {0, 0, 0}, executor_.data(graph.colors) + 3 * row);
-    }
-    executor_.run(pool);
-  }
-  std::vector<double> tensor(graph::TensorId id) const override {
-    const T* data = executor_.data(id);
-    return {data, data + size(id)};
-  }
-  std::vector<std::uint32_t> indices(graph::TensorId id) const override {
-    const auto* data = executor_.template data<std::uint32_t>(id);
-    return {data, data + size(id)};
-  }
-  const graph::Graph& graph() const override { return executor_.graph(); }
-  std::size_t workspace_bytes() const override { return executor_.workspace_bytes(); }
-  const std::vector<double>& node_milliseconds() const override { return executor_.node_milliseconds(); }
-
- private:
-  std::size_t size(graph::TensorId id) const {
-    const auto& info = executor_.graph().tensors[id];
-    return executor_.layout().rows(info.rows) * info.per_row * info.width;
-  }
-  static void copy(const Vec3View& rows, const Vec3d& shift, T* to) {
-    for (std::size_t i = 0; i < rows.count; ++i) {
-      const Vec3d row = rows[i];
-      for (int a = 0; a < 3; ++a) *to++ = static_cast<T>(row[a] - shift[a]);
-    }
-  }
-  cpu::Executor<T> executor_;
-};
-
-}  // namespace
-
-Result<std::unique_ptr<Runner>> make_runner(const Model& model, Mode mode, const PlanOptions& options,
+Result<std::unique_ptr<Runner>> make_runner(const Device& device, const Model& model,
+                                            const BatchShape& capacity, const PlanOptions& options,
                                             bool retain) {
-  const graph::Graph whole = model::build_graph(model.weights(), mode);
+  const bool vulkan = device.backend() == Backend::vulkan;
+  const auto refuse = [&](const char* what) {
+    return fail(ErrorCode::unsupported,
+                std::string(what) + " runs on the CPU only, not on " + device.name() + " through Vulkan");
+  };
+  if (vulkan && options.precision == Precision::f64) return refuse("precision f64");
+  if (vulkan && options.as_defined) return refuse("the network as defined, unfolded,");
+  const graph::Graph whole = model::build_graph(model.weights(), options.mode.value_or(model.mode()));
   graph::Graph graph = options.as_defined ? model::expand(whole) : model::fold(whole);
   if (std::string fault = graph::check_executable(graph); !fault.empty())
     return fail(ErrorCode::internal, fault);
-  if (options.precision == Precision::f32)
-    return std::make_unique<TypedRunner<float>>(std::move(graph), retain);
-  return std::make_unique<TypedRunner<double>>(std::move(graph), retain);
+  if (!vulkan) return make_cpu_runner(std::move(graph), options.precision, retain);
+  return make_vulkan_runner(device.context(), std::move(graph), capacity, model.config().num_key_points,
+                            retain);
+}
+
+void Plan::Impl::begin() {
+  timings.clear();
+  profile.clear();
+  passes.clear();
+  began = Clock::now();
 }
 
 void Plan::Impl::run(const PackedBatch& batch) {
+  const auto elapsed = [&] {
+    return std::chrono::duration<double, std::milli>(Clock::now() - began).count();
+  };
+  StageTime pass{.stage = "forward pass", .start_ms = elapsed(), .pass = passes.size()};
   runner->run(batch, device.pool());
+  pass.milliseconds = elapsed() - pass.start_ms;
+
   const auto& nodes = runner->graph().nodes;
+  const std::vector<double> milliseconds = runner->node_milliseconds(), starts = runner->node_starts();
   timings.resize(nodes.size());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    timings[i].stage = nodes[i].name;
-    timings[i].milliseconds += runner->node_milliseconds()[i];
+    profile.push_back({nodes[i].name, milliseconds[i], pass.start_ms + starts[i], pass.pass});
+    if (passes.empty())
+      timings[i] = profile.back();
+    else
+      timings[i].milliseconds += milliseconds[i];
   }
+  passes.push_back(std::move(pass));
 }
 
 Plan::Plan(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -81,6 +60,7 @@ Plan::Plan(Plan&&) noexcept = default;
 Plan& Plan::operator=(Plan&&) noexcept = default;
 Plan::~Plan() = default;
 
+const Device& Plan::device() const { return impl_->device; }
 const Model& Plan::model() const { return impl_->model; }
 const PlanOptions& Plan::options() const { return impl_->options; }
 Mode Plan::mode() const { return impl_->mode; }
@@ -88,6 +68,8 @@ BatchShape Plan::capacity() const { return impl_->capacity; }
 std::size_t Plan::workspace_bytes() const { return impl_->runner->workspace_bytes(); }
 std::size_t Plan::operation_count() const { return impl_->runner->graph().nodes.size(); }
 const std::vector<StageTime>& Plan::timings() const { return impl_->timings; }
+const std::vector<StageTime>& Plan::profile() const { return impl_->profile; }
+PlanCounters Plan::counters() const { return impl_->runner->counters(); }
 
 Result<Plan> make_plan(const Device& device, const Model& model, const BatchShape& capacity,
                        const PlanOptions& options) {
@@ -102,11 +84,14 @@ Result<Plan> make_plan(const Device& device, const Model& model, const BatchShap
   if (capacity.points > most) return too_large(capacity.points, " points");
   if (capacity.pairs > most) return too_large(capacity.pairs, " pairs");
   return guarded([&]() -> Result<Plan> {
-    const Mode mode = options.mode.value_or(model.mode());
-    auto runner = make_runner(model, mode, options, false);
+    auto runner = make_runner(device, model, capacity, options, false);
     if (!runner) return tl::unexpected(runner.error());
-    return Plan(std::unique_ptr<Plan::Impl>(
-        new Plan::Impl{device, model, capacity, options, mode, std::move(*runner), {}}));
+    return Plan(std::make_unique<Plan::Impl>(Plan::Impl{.device = device,
+                                                        .model = model,
+                                                        .capacity = capacity,
+                                                        .options = options,
+                                                        .mode = options.mode.value_or(model.mode()),
+                                                        .runner = std::move(*runner)}));
   });
 }
 

@@ -30,8 +30,9 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
   const auto batch = pack(impl, {&pair, 1});
   if (!batch) return tl::unexpected(batch.error());
   const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
-  const auto made = make_runner(impl.model, impl.mode, impl.options, true);
-  const auto made_truth = make_runner(impl.model, impl.mode, truth_options, true);
+  const auto made =
+      make_runner(impl.device, impl.model, {1, batch->layout.rows(graph::Rows::point)}, impl.options, true);
+  const auto made_truth = make_runner(cpu_device(1), impl.model, {}, truth_options, true);
   if (!made) return tl::unexpected(made.error());
   if (!made_truth) return tl::unexpected(made_truth.error());
   Runner *tested = made->get(), *truth = made_truth->get();

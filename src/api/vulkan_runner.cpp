@@ -1,0 +1,51 @@
+#include "api/runner.hpp"
+#include "vk/executor.hpp"
+
+namespace bitr {
+namespace {
+
+class VulkanRunner : public Runner {
+ public:
+  VulkanRunner(std::shared_ptr<const vk::Context> context, graph::Graph graph, const vk::Capacity& capacity,
+               bool retain)
+      : executor_(std::move(context), std::move(graph), capacity, {.retain = retain}) {}
+
+  void run(const PackedBatch& batch, cpu::ThreadPool&) override {
+    executor_.prepare(batch.layout);
+    constexpr std::size_t stride = vk::padded(3);
+    for_each_input(batch, executor_.graph(),
+                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
+                     float* to = executor_.input(id) + stride * row;
+                     std::fill_n(to, stride * rows.count, 0.0F);
+                     copy_rows(rows, shift, stride, to);
+                   });
+    executor_.run();
+  }
+  std::vector<double> tensor(graph::TensorId id) const override {
+    const std::vector<float> numbers = executor_.real(id);
+    return {numbers.begin(), numbers.end()};
+  }
+  std::vector<std::uint32_t> indices(graph::TensorId id) const override { return executor_.indices(id); }
+  const graph::Graph& graph() const override { return executor_.graph(); }
+  std::size_t workspace_bytes() const override { return executor_.workspace_bytes(); }
+  std::vector<double> node_milliseconds() const override { return executor_.node_milliseconds(); }
+  std::vector<double> node_starts() const override { return executor_.node_starts(); }
+  PlanCounters counters() const override {
+    const vk::Counters& c = executor_.counters();
+    return {c.dispatches, c.copies, c.barriers, c.submissions};
+  }
+
+ private:
+  vk::Executor executor_;
+};
+
+}  // namespace
+
+std::unique_ptr<Runner> make_vulkan_runner(std::shared_ptr<const vk::Context> context, graph::Graph graph,
+                                           const BatchShape& capacity, int key_points, bool retain) {
+  return std::make_unique<VulkanRunner>(
+      std::move(context), std::move(graph),
+      vk::Capacity{capacity.pairs, capacity.points, static_cast<std::uint32_t>(key_points)}, retain);
+}
+
+}  // namespace bitr
