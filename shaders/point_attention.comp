@@ -9,7 +9,7 @@
 // out 6 result       f32[Q,R]      OUT0 scalars, OUT1 vectors; padded to R
 // con 7 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS | grid tiles | shared 0 KiB
-// loops ≤ K ≤ 64 < 65535 | error: 2e-5 of the largest output entry | fp32
+// loops ≤ K + OUT0 ≤ 1088 < 65535 | error: 2e-5 of the largest output entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -68,7 +68,7 @@ layout(set = 0, binding = 2) readonly buffer Centres { vec4 centres[]; };
 layout(set = 0, binding = 3) readonly buffer Neighbours { vec4 neighbours[]; };
 layout(set = 0, binding = 4) readonly buffer Coefficients { float coefficients[]; };
 layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
-layout(set = 0, binding = 6) writeonly buffer Result { vec4 result[]; };
+layout(set = 0, binding = 6) writeonly buffer Result { float result[]; };
 layout(set = 0, binding = 7) uniform Weights { vec4 weights[WEIGHTS]; };
 layout(push_constant) uniform Push { PointParameters p; };
 
@@ -200,6 +200,24 @@ void main() {
     [[unroll]] for (int i = 0; i < Z1; ++i) zero_sum1[h * Z1 + i] *= share;
   }
 
+  const bool inside = tile.y + gl_LocalInvocationID.x < tile.z;
+  // Many outputs of degree 0 (a logit per key point): one after the other, or the code grows with their number.
+  if (OUT1 == 0 && !RELU) {
+    for (int o = 0; o < OUT0; ++o) {
+      float x = 0.0;
+      if (!UNIFORM) {
+        x = weight0(S0 + o * Z0 + C0);
+        [[unroll]] for (int c = 0; c < C0; ++c) x += weight0(S0 + o * Z0 + c) * SCALAR(own, c);
+      }
+      [[unroll]] for (int i = 0; i < HEADS * N0; ++i) x += weight0(O0 + o * HEADS * N0 + i) * sum0[i];
+      if (duplicates) {
+        [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) x += weight0(OZ0 + o * HEADS * Z0 + i) * zero_sum0[i];
+      }
+      if (inside) result[row * R4 * 4 + o] = x;
+    }
+    return;
+  }
+
   float scalars[OUT0 > 0 ? OUT0 : 1];
   vec3 vectors[OUT1 > 0 ? OUT1 : 1];
   [[unroll]] for (int o = 0; o < OUT0; ++o) {
@@ -240,8 +258,7 @@ void main() {
     row_out[OUT0 + 3 * o] = x.x, row_out[OUT0 + 3 * o + 1] = x.y, row_out[OUT0 + 3 * o + 2] = x.z;
   }
   [[unroll]] for (int i = OUT0 + 3 * OUT1; i < 4 * R4; ++i) row_out[i] = 0.0;
-  if (tile.y + gl_LocalInvocationID.x < tile.z) {
-    [[unroll]] for (int i = 0; i < R4; ++i)
-      result[row * R4 + i] = vec4(row_out[4 * i], row_out[4 * i + 1], row_out[4 * i + 2], row_out[4 * i + 3]);
+  if (inside) {
+    [[unroll]] for (int i = 0; i < 4 * R4; ++i) result[row * R4 * 4 + i] = row_out[i];
   }
 }
