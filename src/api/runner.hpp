@@ -7,6 +7,10 @@
 
 namespace bitr {
 
+namespace vk {
+class Executor;
+}
+
 /// Clouds of a batch in the order of graph::BatchLayout, with the centroid each was moved by.
 struct PackedBatch {
   graph::BatchLayout layout;
@@ -27,6 +31,8 @@ class Runner {
   virtual std::vector<double> node_milliseconds() const = 0;
   virtual std::vector<double> node_starts() const = 0;
   virtual PlanCounters counters() const { return {}; }
+  /// What runs it, if that is Vulkan.
+  virtual vk::Executor* vulkan() { return nullptr; }
 };
 
 std::unique_ptr<Runner> make_cpu_runner(graph::Graph graph, Precision precision, bool retain);

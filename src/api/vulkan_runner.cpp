@@ -34,6 +34,7 @@ class VulkanRunner : public Runner {
     const vk::Counters& c = executor_.counters();
     return {c.dispatches, c.copies, c.barriers, c.submissions};
   }
+  vk::Executor* vulkan() override { return &executor_; }
 
  private:
   vk::Executor executor_;

@@ -65,6 +65,7 @@ Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice devic
   c.storage_buffers = p.limits.maxPerStageDescriptorStorageBuffers;
   c.storage_range = p.limits.maxStorageBufferRange;
   c.uniform_range = p.limits.maxUniformBufferRange;
+  c.offset_alignment = p.limits.minStorageBufferOffsetAlignment;
   c.alignment = std::max(
       {p.limits.minStorageBufferOffsetAlignment, p.limits.minUniformBufferOffsetAlignment, VkDeviceSize{64}});
   c.groups = p.limits.maxComputeWorkGroupCount[0];

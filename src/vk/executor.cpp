@@ -46,7 +46,8 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph, c
       own_tensors_(graph_.tensors.size()),
       capacity_(capacity),
       options_(options),
-      recorder_(*context_) {
+      recorder_(*context_),
+      host_recorder_(*context_) {
   for (graph::Node& node : graph_.nodes) {
     Site site{*context_, {}, {}};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
@@ -160,7 +161,9 @@ void Executor::allocate(const Capacity& capacity) {
   for (Rows rows : table_rows)
     table_bytes_ += aligned(16 * largest_tile_count(largest, rows), alignment) +
                     aligned(sizeof(std::uint32_t) * (largest.segments(rows) + 1), alignment);
-  table_buffer_ = Buffer(*context_, table_bytes_, false);
+  const std::size_t centroid_bytes = 16 * largest.clouds();
+  table_buffer_ = Buffer(*context_, table_bytes_ + centroid_bytes, false);
+  centroids_ = {table_buffer_.handle(), table_bytes_, centroid_bytes};
 
   std::size_t staging = table_bytes_, readback = 0;
   for (TensorId id : inputs_) {
@@ -176,15 +179,26 @@ std::size_t Executor::workspace_bytes() const {
   return arena_.size() + table_buffer_.size() + constant_buffer_.size() + staging_.size() + readback_.size();
 }
 
-void Executor::prepare(const graph::BatchLayout& layout) {
+void Executor::check_capacity(const graph::BatchLayout& layout) const {
   if (layout.pairs() > capacity_.pairs || layout.rows(Rows::point) > capacity_.points ||
       layout.key_points != capacity_.key_points)
     throw Failure(ErrorCode::invalid_argument,
                   "the batch has " + std::to_string(layout.pairs()) + " pairs and " +
                       std::to_string(layout.rows(Rows::point)) + " points, the plan holds " +
                       std::to_string(capacity_.pairs) + " and " + std::to_string(capacity_.points));
+}
+
+void Executor::prepare(const graph::BatchLayout& layout) {
+  check_capacity(layout);
   if (prepared_ && layout.cloud_offset == layout_.cloud_offset) return;
   prepared_ = false;
+  lay_out(layout);
+  make_schedule();
+  record_all();
+  prepared_ = true;
+}
+
+void Executor::lay_out(const graph::BatchLayout& layout) {
   layout_ = layout;
   const auto sizes = tensor_bytes(layout_);
   slots_.clear();
@@ -193,9 +207,6 @@ void Executor::prepare(const graph::BatchLayout& layout) {
     slots_.push_back({{arena_.handle(), offsets_[i], sizes[i]}, info.rows, info.per_row, info.width});
   }
   lay_out_tables();
-  make_schedule();
-  record_all();
-  prepared_ = true;
 }
 
 void Executor::lay_out_tables() {
@@ -226,13 +237,12 @@ void Executor::lay_out_tables() {
   }
 }
 
-void Executor::make_schedule() {
-  schedule_.clear();
-  schedule_.begin_node(-1);
-  schedule_.copy({staging_.handle(), 0, table_bytes_}, {table_buffer_.handle(), 0, table_bytes_});
-  for (std::size_t i = 0; i < inputs_.size(); ++i)
-    schedule_.copy({staging_.handle(), input_offset_[i], slots_[inputs_[i]].range.size},
-                   slots_[inputs_[i]].range);
+void Executor::add_tables(Schedule& schedule) const {
+  schedule.begin_node(-1);
+  schedule.copy({staging_.handle(), 0, table_bytes_}, {table_buffer_.handle(), 0, table_bytes_});
+}
+
+void Executor::add_nodes(Schedule& schedule) const {
   std::vector<Slot> in, out;
   for (std::size_t n = 0; n < kernels_.size(); ++n) {
     const graph::Node& node = graph_.nodes[n];
@@ -241,10 +251,19 @@ void Executor::make_schedule() {
     for (TensorId id : node.inputs) in.push_back(slots_[id]);
     for (TensorId id : node.outputs) out.push_back(slots_[id]);
     out.pop_back();  // scratch
-    schedule_.begin_node(static_cast<int>(n));
-    kernels_[n]->record({schedule_, layout_, tables_, constants_[n], slots_[scratch_[n]].range, in, out});
+    schedule.begin_node(static_cast<int>(n));
+    kernels_[n]->record({schedule, layout_, tables_, constants_[n], slots_[scratch_[n]].range, in, out});
   }
-  schedule_.begin_node(-1);
+  schedule.begin_node(-1);
+}
+
+void Executor::make_schedule() {
+  schedule_.clear();
+  add_tables(schedule_);
+  for (std::size_t i = 0; i < inputs_.size(); ++i)
+    schedule_.copy({staging_.handle(), input_offset_[i], slots_[inputs_[i]].range.size},
+                   slots_[inputs_[i]].range);
+  add_nodes(schedule_);
   std::size_t at = 0;
   for (TensorId id : outputs_) {
     const Range& range = slots_[id].range;
@@ -252,6 +271,25 @@ void Executor::make_schedule() {
     at += aligned(range.size, context_->capabilities().alignment);
   }
   if (options_.shuffle) schedule_.shuffle(*options_.shuffle);
+}
+
+void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout, const HostBuffers& host) {
+  check_capacity(layout);
+  if (inputs_.size() != 1)
+    throw Failure(ErrorCode::unsupported,
+                  "the model reads normals or colours; recording passes positions only");
+  prepared_ = prepared_ && layout.cloud_offset == layout_.cloud_offset;
+  if (!prepared_) lay_out(layout);
+  host_schedule_.clear();
+  add_tables(host_schedule_);
+  import_positions(*context_, host_schedule_, layout_, host, tables_.point.offsets,
+                   slots_[graph_.positions].range, centroids_);
+  add_nodes(host_schedule_);
+  export_poses(*context_, host_schedule_, layout_, host, slots_[graph_.pose].range, centroids_);
+  host_recorder_.bind(host_schedule_);
+  host_recorder_.restart();
+  host_recorder_.barrier(commands);  // the command buffer may run again and again
+  host_recorder_.record(commands, host_schedule_, 0, host_schedule_.works().size(), {});
 }
 
 void Executor::record_all() {

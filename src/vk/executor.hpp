@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "graph/memory_plan.hpp"
+#include "vk/host_buffers.hpp"
 #include "vk/kernel.hpp"
 
 namespace bitr::vk {
@@ -42,9 +43,10 @@ class Executor {
   std::vector<float> real(graph::TensorId id) const;
   std::vector<std::uint32_t> indices(graph::TensorId id) const;
 
-  /// Adds the work of the prepared batch to a command buffer of the host's, reading positions from
-  /// `positions` and writing poses to `poses` instead of the executor's own staging memory.
-  void record(VkCommandBuffer commands, const Schedule& before, const Schedule& after);
+  /// Records a whole pass over the host's buffers into the host's command buffer. The executor's memory is in
+  /// use until that has run; a later record() makes it invalid. Throws Failure (`unsupported`) for a graph
+  /// that reads more than positions.
+  void record(VkCommandBuffer commands, const graph::BatchLayout& layout, const HostBuffers& host);
 
   const graph::Graph& graph() const { return graph_; }
   const graph::BatchLayout& layout() const { return layout_; }
@@ -65,10 +67,14 @@ class Executor {
     std::size_t begin, end;  // works
   };
   void find_inputs();
+  void check_capacity(const graph::BatchLayout& layout) const;
+  void lay_out(const graph::BatchLayout& layout);
   void allocate(const Capacity& capacity);
   std::vector<std::size_t> tensor_bytes(const graph::BatchLayout& layout) const;
   void lay_out_tables();
   void make_schedule();
+  void add_tables(Schedule& schedule) const;
+  void add_nodes(Schedule& schedule) const;
   void record_all();
   void submit(VkCommandBuffer commands, const char* last);
   void read_timestamps();
@@ -90,9 +96,10 @@ class Executor {
   graph::BatchLayout layout_;
   bool prepared_ = false;
   Tables tables_;
+  Range centroids_;  // of host_buffers' clouds, in table_buffer_
   std::vector<Slot> slots_;
-  Schedule schedule_;
-  Recorder recorder_;
+  Schedule schedule_, host_schedule_;
+  Recorder recorder_, host_recorder_;
   Counters counters_;
   VkCommandPool pool_ = VK_NULL_HANDLE;
   std::vector<VkCommandBuffer> buffers_;  // as many as were ever needed

@@ -140,6 +140,22 @@ bool Recorder::conflicts(const Work& work) const {
   return false;
 }
 
+void Recorder::barrier(VkCommandBuffer commands) {
+  const DeviceFunctions& vk = context_.vk();
+  constexpr VkPipelineStageFlags stages =
+      VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
+  constexpr VkAccessFlags written = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
+  constexpr VkAccessFlags read =
+      VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_UNIFORM_READ_BIT;
+  const VkMemoryBarrier memory{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                               .pNext = nullptr,
+                               .srcAccessMask = written,
+                               .dstAccessMask = written | read};
+  vk.CmdPipelineBarrier(commands, stages, stages, 0, 1, &memory, 0, nullptr, 0, nullptr);
+  pending_.clear();
+  ++counters_.barriers;
+}
+
 void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::size_t begin, std::size_t end,
                       const Options& options) {
   const DeviceFunctions& vk = context_.vk();
@@ -151,21 +167,7 @@ void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::s
   const auto& works = schedule.works();
   for (std::size_t w = begin; w < end; ++w) {
     const Work& work = works[w];
-    // Ranges that the hazards of other works carry across are the whole buffers': one global barrier.
-    if (conflicts(work) || (options.barriers == Barriers::after_all_work && w > 0)) {
-      constexpr VkPipelineStageFlags stages =
-          VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT;
-      constexpr VkAccessFlags written = VK_ACCESS_SHADER_WRITE_BIT | VK_ACCESS_TRANSFER_WRITE_BIT;
-      constexpr VkAccessFlags read =
-          VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_UNIFORM_READ_BIT;
-      const VkMemoryBarrier barrier{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
-                                    .pNext = nullptr,
-                                    .srcAccessMask = written,
-                                    .dstAccessMask = written | read};
-      vk.CmdPipelineBarrier(commands, stages, stages, 0, 1, &barrier, 0, nullptr, 0, nullptr);
-      pending_.clear();
-      ++counters_.barriers;
-    }
+    if (conflicts(work) || (options.barriers == Barriers::after_all_work && w > 0)) barrier(commands);
     for (std::size_t i = 0; i < work.ranges.size(); ++i) pending_.push_back({work.ranges[i], work.writes(i)});
 
     if (!work.pipeline) {

@@ -89,6 +89,8 @@ class Recorder {
   /// Records works [begin, end) of the schedule last bound. Hazards carry over from one range to the next.
   void record(VkCommandBuffer commands, const Schedule& schedule, std::size_t begin, std::size_t end,
               const Options& options);
+  /// Everything recorded before it happens before everything after it.
+  void barrier(VkCommandBuffer commands);
   /// Forgets pending hazards: before the first range.
   void restart() { pending_.clear(), counters_ = {}; }
   const Counters& counters() const { return counters_; }
