@@ -27,8 +27,8 @@ enum class Precision { f32, f64 };
 
 struct PlanOptions {
   Precision precision = Precision::f32;
-  std::optional<Mode> mode;  ///< overrides the model's
-  bool as_defined = false;   ///< evaluate the network as the paper states it, nothing folded: slow, the truth
+  std::optional<Mode> mode = {};  ///< overrides the model's
+  bool as_defined = false;  ///< evaluate the network as the paper states it, nothing folded: slow, the truth
 };
 
 /// What a plan can hold at once: pairs, and the points of all their clouds together.

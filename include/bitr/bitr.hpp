@@ -4,6 +4,7 @@
 #include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
 #include <bitr/device.hpp>
+#include <bitr/doctor.hpp>
 #include <bitr/io.hpp>
 #include <bitr/model.hpp>
 #include <bitr/pose.hpp>

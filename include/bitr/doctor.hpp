@@ -1,0 +1,31 @@
+// A device's self-check: whether its driver computes what the network is made of, and whether whole passes
+// keep the network's promises.
+#pragma once
+
+#include <bitr/device.hpp>
+#include <bitr/result.hpp>
+#include <string>
+#include <vector>
+
+namespace bitr {
+
+struct Check {
+  std::string name;     ///< what was measured, in which unit
+  double measured = 0;  ///< the largest over everything the check looked at
+  double allowed = 0;
+  std::string problem;  ///< why it could not be measured; empty when it was
+
+  bool passed() const { return problem.empty() && measured <= allowed; }
+};
+
+/// Runs the default network with untrained weights on random clouds of very different sizes:
+///   - every operation of the folded network on its own against the CPU in double precision: the largest
+///     difference over the largest entry; neighbours against the CPU's, index for index; memory around every
+///     tensor, which must stay untouched (on a GPU);
+///   - whole passes against the CPU in double precision, and moved, exchanged, scaled and reordered clouds
+///     against what the pose must then be: degrees, and translations over the clouds' size;
+///   - the bits of a pair alone, in a batch, and again.
+/// Seconds on a GPU. An operation that cannot be run is a check that failed; `device_lost` ends it all.
+Result<std::vector<Check>> run_doctor(const Device& device);
+
+}  // namespace bitr

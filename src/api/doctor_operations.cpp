@@ -1,0 +1,225 @@
+// Every operation of the folded network on its own: on the device, and on the CPU in double precision.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "api/doctor.hpp"
+#include "core/failure.hpp"
+#include "cpu/executor.hpp"
+#include "model/build.hpp"
+#include "vk/executor.hpp"
+
+namespace bitr {
+namespace {
+
+// Largest difference over the largest entry, as the operations' headers state it.
+double allowed_difference(const ops::Op& op) {
+  if (std::holds_alternative<ops::InputFeatures>(op)) return 0;
+  if (std::holds_alternative<ops::CloudCoefficients>(op)) return 1e-6;
+  if (std::holds_alternative<ops::PairAttention>(op)) return 5e-5;
+  if (std::holds_alternative<ops::ProjectPose>(op)) return 1e-4;  // of a well determined rotation
+  return 2e-5;
+}
+
+// A tensor's numbers, tight. Inputs are rounded to float, so that every arithmetic reads the same ones.
+struct Values {
+  std::vector<float> inputs;
+  std::vector<double> outputs;
+  std::vector<std::uint32_t> indices;
+};
+
+// One node of a graph as a graph.
+struct Alone {
+  graph::Graph graph;
+  const graph::Node& node() const { return graph.nodes.front(); }
+  bool index(graph::TensorId id) const { return graph.tensors[id].kind == graph::Kind::index; }
+};
+
+Alone alone(const graph::Graph& whole, const graph::Node& node) {
+  Alone one;
+  graph::Node copy{node.name, node.op, {}, {}};
+  std::map<graph::TensorId, graph::TensorId> added;
+  const auto add = [&](graph::TensorId id) {
+    const auto [at, fresh] = added.emplace(id, graph::no_tensor);
+    if (fresh) at->second = one.graph.add(whole.tensors[id]);
+    return at->second;
+  };
+  for (const graph::TensorId id : node.inputs) copy.inputs.push_back(add(id));
+  for (const graph::TensorId id : node.outputs) copy.outputs.push_back(add(id));
+  one.graph.nodes.push_back(std::move(copy));
+  return one;
+}
+
+std::size_t numbers_of(const graph::TensorInfo& info, const graph::BatchLayout& layout) {
+  return layout.rows(info.rows) * static_cast<std::size_t>(info.per_row) *
+         static_cast<std::size_t>(info.width);
+}
+
+template <class T>
+std::vector<Values> run_on_cpu(const Alone& one, const graph::BatchLayout& layout,
+                               const std::vector<Values>& inputs, cpu::ThreadPool& pool) {
+  cpu::Executor<T> executor(one.graph, true);
+  executor.prepare(layout);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const graph::TensorId id = one.node().inputs[i];
+    std::copy(inputs[i].indices.begin(), inputs[i].indices.end(), executor.template data<std::uint32_t>(id));
+    std::copy(inputs[i].inputs.begin(), inputs[i].inputs.end(), executor.data(id));
+  }
+  executor.run(pool);
+  std::vector<Values> outputs;
+  for (const graph::TensorId id : one.node().outputs) {
+    const std::size_t count = numbers_of(one.graph.tensors[id], layout);
+    Values& values = outputs.emplace_back();
+    if (one.index(id)) {
+      const auto* data = executor.template data<std::uint32_t>(id);
+      values.indices.assign(data, data + count);
+    } else {
+      values.outputs.assign(executor.data(id), executor.data(id) + count);
+    }
+  }
+  return outputs;
+}
+
+std::vector<Values> run_on_vulkan(const Device& device, const Alone& one, const graph::BatchLayout& layout,
+                                  const std::vector<Values>& inputs, bool& guards_hold) {
+  constexpr std::size_t guard_bytes = 256;
+  vk::Executor executor(device.context(), one.graph,
+                        {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points},
+                        {.retain = true, .guard_bytes = guard_bytes});
+  executor.prepare(layout);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const graph::TensorId id = one.node().inputs[i];
+    float* to = executor.input(id);
+    if (one.index(id)) {
+      std::copy(inputs[i].indices.begin(), inputs[i].indices.end(), reinterpret_cast<std::uint32_t*>(to));
+      continue;
+    }
+    const auto width = static_cast<std::size_t>(one.graph.tensors[id].width);
+    const std::size_t stride = vk::padded(one.graph.tensors[id].width);
+    const std::vector<float>& numbers = inputs[i].inputs;
+    std::fill_n(to, numbers.size() / width * stride, 0.0F);
+    for (std::size_t j = 0; j < numbers.size(); ++j) to[j / width * stride + j % width] = numbers[j];
+  }
+  executor.run();
+  std::vector<Values> outputs;
+  for (const graph::TensorId id : one.node().outputs) {
+    Values& values = outputs.emplace_back();
+    if (one.index(id)) {
+      values.indices = executor.indices(id);
+    } else {
+      const auto numbers = executor.real(id);
+      values.outputs.assign(numbers.begin(), numbers.end());
+    }
+  }
+  guards_hold = executor.guards_hold();
+  return outputs;
+}
+
+double difference(const std::vector<double>& a, const std::vector<double>& truth) {
+  double worst = 0, largest = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    const double d = std::abs(a[i] - truth[i]);
+    if (!std::isfinite(d)) return std::numeric_limits<double>::infinity();
+    worst = std::max(worst, d);
+    largest = std::max(largest, std::abs(truth[i]));
+  }
+  return largest > 0 ? worst / largest : worst;
+}
+
+double share_that_differs(const std::vector<std::uint32_t>& a, const std::vector<std::uint32_t>& truth) {
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i) wrong += a[i] != truth[i];
+  return static_cast<double>(wrong) / static_cast<double>(truth.size());
+}
+
+class Operations {
+ public:
+  Operations(const Device& device, const graph::Graph& graph, const std::vector<RandomPair>& pairs,
+             int key_points)
+      : device_(device), truth_(graph, true) {
+    std::vector<std::uint32_t> sizes;
+    for (const auto side : {&RandomPair::source, &RandomPair::reference})
+      for (const RandomPair& pair : pairs) sizes.push_back(static_cast<std::uint32_t>((pair.*side).size()));
+    layout_ = {sizes, static_cast<std::uint32_t>(key_points)};
+    truth_.prepare(layout_);
+    double* to = truth_.data(graph.positions);
+    for (const auto side : {&RandomPair::source, &RandomPair::reference})
+      for (const RandomPair& pair : pairs)
+        for (const Vec3d& p : pair.*side) to = std::copy(p.begin(), p.end(), to);
+    truth_.run(device_.pool());
+  }
+
+  void check(std::vector<Check>& checks) {
+    std::size_t broken_guards = 0;
+    for (const graph::Node& node : truth_.graph().nodes) {
+      Check check{"operation " + node.name, 0, allowed_difference(node.op), ""};
+      try {
+        measure(node, check, broken_guards);
+      } catch (const Failure& failure) {
+        if (failure.error().code == ErrorCode::device_lost) throw;
+        check.problem = failure.what();
+      }
+      checks.push_back(std::move(check));
+    }
+    if (device_.backend() == Backend::vulkan)
+      checks.push_back(
+          {"operations that wrote outside their outputs", static_cast<double>(broken_guards), 0, ""});
+  }
+
+ private:
+  void measure(const graph::Node& node, Check& check, std::size_t& broken_guards) {
+    const Alone one = alone(truth_.graph(), node);
+    std::vector<Values> inputs;
+    for (const graph::TensorId id : node.inputs) inputs.push_back(input(id));
+    const bool vulkan = device_.backend() == Backend::vulkan;
+    bool guards_hold = true;
+    const auto single = run_on_cpu<float>(one, layout_, inputs, device_.pool());
+    const auto exact = run_on_cpu<double>(one, layout_, inputs, device_.pool());
+    const auto found = vulkan ? run_on_vulkan(device_, one, layout_, inputs, guards_hold) : single;
+    broken_guards += !guards_hold;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      if (!one.index(one.node().outputs[i])) {
+        check.measured = std::max(check.measured, difference(found[i].outputs, exact[i].outputs));
+        continue;
+      }
+      // A GPU must choose as the CPU does in float; that may part from double where two are near-tied.
+      const double share =
+          share_that_differs(found[i].indices, vulkan ? single[i].indices : exact[i].indices);
+      check.name = "neighbours of " + node.name + ", share that differs";
+      check.measured = std::max(check.measured, share);
+      check.allowed = vulkan ? 0 : 1e-3;
+    }
+  }
+
+  Values input(graph::TensorId id) const {
+    const graph::TensorInfo& info = truth_.graph().tensors[id];
+    const std::size_t count = numbers_of(info, layout_);
+    Values values;
+    if (info.kind == graph::Kind::index) {
+      const auto* data = truth_.data<std::uint32_t>(id);
+      values.indices.assign(data, data + count);
+    } else {
+      const double* data = truth_.data(id);
+      values.inputs.resize(count);
+      std::transform(data, data + count, values.inputs.begin(),
+                     [](double x) { return static_cast<float>(x); });
+    }
+    return values;
+  }
+
+  const Device& device_;
+  graph::BatchLayout layout_;
+  cpu::Executor<double> truth_;
+};
+
+}  // namespace
+
+void check_operations(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
+                      std::vector<Check>& checks) {
+  const graph::Graph graph = model::fold(model::build_graph(model.weights(), model.mode()));
+  Operations(device, graph, pairs, model.config().num_key_points).check(checks);
+}
+
+}  // namespace bitr
