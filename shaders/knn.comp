@@ -41,11 +41,12 @@ vec4 candidate(vec4 loaded, uint row, int i) {
 #endif
 }
 
-// Never contracted into fused multiply-adds: ties must be ties on every device.
-float squared(vec4 a, vec4 b, int dims) {
+// `before` and the squares of `dims` coordinates, added one by one. Never contracted into fused multiply-adds: ties must
+// be ties on every device.
+float squared(float before, vec4 a, vec4 b, int dims) {
   precise vec4 d = a - b;
   precise vec4 square = d * d;
-  precise float sum = square.x;
+  precise float sum = before + square.x;
   if (dims > 1) sum = sum + square.y;
   if (dims > 2) sum = sum + square.z;
   if (dims > 3) sum = sum + square.w;
@@ -88,8 +89,8 @@ void main() {
     float least = INFINITY;
     [[unroll]] for (int i = 0; i < BATCH; ++i) {
       const uint from = min(base + i, end - 1);
-      precise float sum = squared(query0, candidate(loaded0, from * VECTORS, i), DIM);
-      if (VECTORS > 1) sum = sum + squared(query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
+      float sum = squared(0.0, query0, candidate(loaded0, from * VECTORS, i), DIM);
+      if (VECTORS > 1) sum = squared(sum, query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
       d[i] = base + i < end && !(EXCLUDE_SELF && base + i == row) ? sum : INFINITY;
       least = min(least, d[i]);
     }

@@ -20,6 +20,7 @@ enum class Rows : std::uint8_t {
 struct BatchLayout {
   std::vector<std::uint32_t> cloud_offset = {0};  ///< 2·pairs + 1 entries: cloud c owns point rows [c], [c+1]
   std::uint32_t key_points = 0;                   ///< per cloud
+  std::vector<std::uint32_t> key_offset;          ///< where clouds differ in that: clouds + 1 entries
 
   BatchLayout() = default;
   /// `cloud_sizes`: points of every source, then of every reference.
@@ -27,6 +28,7 @@ struct BatchLayout {
     for (std::uint32_t size : cloud_sizes) cloud_offset.push_back(cloud_offset.back() + size);
   }
 
+  bool operator==(const BatchLayout&) const = default;
   std::uint32_t clouds() const { return static_cast<std::uint32_t>(cloud_offset.size()) - 1; }
   std::uint32_t pairs() const { return clouds() / 2; }
   /// The other cloud of the same pair.
@@ -39,7 +41,7 @@ struct BatchLayout {
       case Rows::cloud:
         return clouds();
       case Rows::key:
-        return std::size_t{clouds()} * key_points;
+        return begin(Rows::key, clouds());
       case Rows::pair:
         return pairs();
       case Rows::pair_key:
@@ -57,6 +59,7 @@ struct BatchLayout {
       case Rows::point:
         return cloud_offset[segment];
       case Rows::key:
+        return key_offset.empty() ? std::size_t{segment} * key_points : key_offset[segment];
       case Rows::pair_key:
         return std::size_t{segment} * key_points;
       case Rows::cloud:

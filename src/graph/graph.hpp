@@ -39,6 +39,7 @@ struct Graph {
   TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor;
   // Read by the caller after it.
   TensorId key_points = no_tensor, pose = no_tensor;
+  TensorId result = no_tensor;  ///< of a graph that is not the network's
 
   TensorId add(TensorInfo info) {
     tensors.push_back(std::move(info));

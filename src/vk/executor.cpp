@@ -24,11 +24,11 @@ std::size_t row_bytes(const graph::TensorInfo& info) {
   return sizeof(float) * static_cast<std::size_t>(info.per_row) * width;
 }
 
-// As many rows of every kind as the capacity allows.
-graph::BatchLayout largest_layout(const Capacity& capacity) {
-  std::vector<std::uint32_t> sizes(2 * capacity.pairs, 0);
-  sizes.front() = static_cast<std::uint32_t>(capacity.points);
-  return {sizes, capacity.key_points};
+// The first cloud owns what all clouds do: no other batch within the capacity has a larger one.
+graph::BatchLayout gathered(graph::BatchLayout layout) {
+  for (auto* offsets : {&layout.cloud_offset, &layout.key_offset})
+    if (offsets->size() > 1) std::fill(offsets->begin() + 1, offsets->end(), offsets->back());
+  return layout;
 }
 
 constexpr Rows table_rows[] = {Rows::point, Rows::key, Rows::pair_key};
@@ -39,12 +39,18 @@ std::size_t largest_tile_count(const graph::BatchLayout& layout, Rows rows) {
 
 }  // namespace
 
-Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph, const Capacity& capacity,
-                   const ExecutorOptions& options)
+graph::BatchLayout Capacity::layout() const {
+  std::vector<std::uint32_t> sizes(2 * pairs, 0);
+  sizes.front() = static_cast<std::uint32_t>(points);
+  return {sizes, key_points};
+}
+
+Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
+                   const graph::BatchLayout& largest, const ExecutorOptions& options)
     : context_(std::move(context)),
       graph_(std::move(graph)),
       own_tensors_(graph_.tensors.size()),
-      capacity_(capacity),
+      largest_(gathered(largest)),
       options_(options),
       recorder_(*context_),
       host_recorder_(*context_) {
@@ -59,7 +65,7 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph, c
     scratch_.push_back(graph_.add({.name = node.name + ".scratch", .rows = Rows::pair, .fiber = {}}));
     node.outputs.push_back(scratch_.back());
   }
-  allocate(capacity);
+  allocate();
 
   const DeviceFunctions& vk = context_->vk();
   const VkCommandPoolCreateInfo pool{.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
@@ -88,6 +94,7 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph, c
   }
   milliseconds_.resize(graph_.nodes.size());
   starts_.resize(graph_.nodes.size());
+  ticks_.resize(2 * graph_.nodes.size());
   const VkCommandBufferAllocateInfo copies{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
                                            .pNext = nullptr,
                                            .commandPool = pool_,
@@ -127,7 +134,7 @@ void Executor::find_inputs() {
   }
   for (TensorId id : read)
     if (!made.count(id)) inputs_.push_back(id);
-  for (TensorId id : {graph_.key_points, graph_.pose})
+  for (TensorId id : {graph_.key_points, graph_.pose, graph_.result})
     if (id != graph::no_tensor) outputs_.push_back(id);
 }
 
@@ -139,10 +146,9 @@ std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout
   return sizes;
 }
 
-void Executor::allocate(const Capacity& capacity) {
+void Executor::allocate() {
   const std::size_t alignment = context_->capabilities().alignment;
-  const graph::BatchLayout largest = largest_layout(capacity);
-  std::vector<std::size_t> sizes = tensor_bytes(largest);
+  std::vector<std::size_t> sizes = tensor_bytes(largest_);
   for (std::size_t& size : sizes) size = size == 0 ? 0 : aligned(size + options_.guard_bytes, alignment);
   const graph::MemoryPlan plan =
       graph::plan_memory(graph_, sizes, options_.retain || options_.guard_bytes > 0);
@@ -159,9 +165,9 @@ void Executor::allocate(const Capacity& capacity) {
   for (Range& range : constants_) range.buffer = constant_buffer_.handle();
 
   for (Rows rows : table_rows)
-    table_bytes_ += aligned(16 * largest_tile_count(largest, rows), alignment) +
-                    aligned(sizeof(std::uint32_t) * (largest.segments(rows) + 1), alignment);
-  const std::size_t centroid_bytes = 16 * largest.clouds();
+    table_bytes_ += aligned(16 * largest_tile_count(largest_, rows), alignment) +
+                    aligned(sizeof(std::uint32_t) * (largest_.segments(rows) + 1), alignment);
+  const std::size_t centroid_bytes = 16 * largest_.clouds();
   table_buffer_ = Buffer(*context_, table_bytes_ + centroid_bytes, false);
   centroids_ = {table_buffer_.handle(), table_bytes_, centroid_bytes};
 
@@ -180,17 +186,18 @@ std::size_t Executor::workspace_bytes() const {
 }
 
 void Executor::check_capacity(const graph::BatchLayout& layout) const {
-  if (layout.pairs() > capacity_.pairs || layout.rows(Rows::point) > capacity_.points ||
-      layout.key_points != capacity_.key_points)
+  const std::size_t points = layout.rows(Rows::point), most = largest_.rows(Rows::point);
+  if (layout.clouds() > largest_.clouds() || points > most ||
+      layout.rows(Rows::key) > largest_.rows(Rows::key) || layout.key_points != largest_.key_points)
     throw Failure(ErrorCode::invalid_argument,
-                  "the batch has " + std::to_string(layout.pairs()) + " pairs and " +
-                      std::to_string(layout.rows(Rows::point)) + " points, the plan holds " +
-                      std::to_string(capacity_.pairs) + " and " + std::to_string(capacity_.points));
+                  "the batch has " + std::to_string(layout.pairs()) + " pairs and " + std::to_string(points) +
+                      " points, the plan holds " + std::to_string(largest_.pairs()) + " and " +
+                      std::to_string(most));
 }
 
 void Executor::prepare(const graph::BatchLayout& layout) {
   check_capacity(layout);
-  if (prepared_ && layout.cloud_offset == layout_.cloud_offset) return;
+  if (prepared_ && layout == layout_) return;
   prepared_ = false;
   lay_out(layout);
   make_schedule();
@@ -217,7 +224,6 @@ void Executor::lay_out_tables() {
     at += aligned(most, alignment);
     return range;
   };
-  const graph::BatchLayout largest = largest_layout(capacity_);
   for (const Rows rows : table_rows) {
     RowTable table;
     const std::uint32_t segments = layout_.segments(rows);
@@ -227,8 +233,8 @@ void Executor::lay_out_tables() {
     for (std::uint32_t s = 0; s < segments; ++s)
       for (std::uint32_t row = offsets[s], i = 0; row < offsets[s + 1]; row += tile_rows, ++i)
         table.host_tiles.push_back({s, row, std::min(row + tile_rows, offsets[s + 1]), i});
-    table.tiles = place(16 * table.host_tiles.size(), 16 * largest_tile_count(largest, rows));
-    table.offsets = place(4 * offsets.size(), 4 * (largest.segments(rows) + 1));
+    table.tiles = place(16 * table.host_tiles.size(), 16 * largest_tile_count(largest_, rows));
+    table.offsets = place(4 * offsets.size(), 4 * (largest_.segments(rows) + 1));
     std::memcpy(staging_.data() + table.tiles.offset, table.host_tiles.data(), table.tiles.size);
     std::memcpy(staging_.data() + table.offsets.offset, offsets.data(), table.offsets.size);
     (rows == Rows::point ? tables_.point
@@ -278,7 +284,7 @@ void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout
   if (inputs_.size() != 1)
     throw Failure(ErrorCode::unsupported,
                   "the model reads normals or colours; recording passes positions only");
-  prepared_ = prepared_ && layout.cloud_offset == layout_.cloud_offset;
+  prepared_ = prepared_ && layout == layout_;
   if (!prepared_) lay_out(layout);
   host_schedule_.clear();
   add_tables(host_schedule_);
@@ -377,10 +383,9 @@ void Executor::run() {
 
 void Executor::read_timestamps() {
   if (!timestamps_ || options_.shuffle) return;
-  std::vector<std::uint64_t> ticks(2 * kernels_.size());
   const VkResult result = context_->vk().GetQueryPoolResults(
-      context_->device(), timestamps_, 0, static_cast<std::uint32_t>(ticks.size()),
-      ticks.size() * sizeof(std::uint64_t), ticks.data(), sizeof(std::uint64_t),
+      context_->device(), timestamps_, 0, static_cast<std::uint32_t>(ticks_.size()),
+      ticks_.size() * sizeof(std::uint64_t), ticks_.data(), sizeof(std::uint64_t),
       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
   check(result, "vkGetQueryPoolResults");
   const Capabilities& c = context_->capabilities();
@@ -389,8 +394,8 @@ void Executor::read_timestamps() {
     return static_cast<double>((later - earlier) & mask) * static_cast<double>(c.timestamp_period) * 1e-6;
   };
   for (std::size_t n = 0; n < kernels_.size(); ++n) {
-    milliseconds_[n] = since(ticks[2 * n + 1], ticks[2 * n]);
-    starts_[n] = since(ticks[2 * n], ticks[0]);
+    milliseconds_[n] = since(ticks_[2 * n + 1], ticks_[2 * n]);
+    starts_[n] = since(ticks_[2 * n], ticks_[0]);
   }
 }
 

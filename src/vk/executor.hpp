@@ -13,6 +13,8 @@ namespace bitr::vk {
 struct Capacity {
   std::size_t pairs = 1, points = 0;
   std::uint32_t key_points = 0;
+  /// As many rows of every kind as that.
+  graph::BatchLayout layout() const;
 };
 
 struct ExecutorOptions {
@@ -28,6 +30,10 @@ class Executor {
  public:
   /// `graph` holds operations that Vulkan runs. Allocates everything a batch within the capacity needs.
   Executor(std::shared_ptr<const Context> context, graph::Graph graph, const Capacity& capacity,
+           const ExecutorOptions& options = {})
+      : Executor(std::move(context), std::move(graph), capacity.layout(), options) {}
+  /// The same for batches with as many clouds, points and key points as `largest` has.
+  Executor(std::shared_ptr<const Context> context, graph::Graph graph, const graph::BatchLayout& largest,
            const ExecutorOptions& options = {});
   ~Executor();
   Executor(const Executor&) = delete;
@@ -69,7 +75,7 @@ class Executor {
   void find_inputs();
   void check_capacity(const graph::BatchLayout& layout) const;
   void lay_out(const graph::BatchLayout& layout);
-  void allocate(const Capacity& capacity);
+  void allocate();
   std::vector<std::size_t> tensor_bytes(const graph::BatchLayout& layout) const;
   void lay_out_tables();
   void make_schedule();
@@ -85,7 +91,7 @@ class Executor {
   graph::Graph graph_;
   std::size_t own_tensors_;  // of the graph; scratch memory follows
   std::vector<graph::TensorId> scratch_, inputs_, outputs_;
-  Capacity capacity_;
+  graph::BatchLayout largest_;
   ExecutorOptions options_;
   std::vector<KernelPtr> kernels_;
   std::vector<Range> constants_;
@@ -108,6 +114,7 @@ class Executor {
   mutable std::uint64_t signalled_ = 0;
   VkQueryPool timestamps_ = VK_NULL_HANDLE;
   std::vector<Submission> submissions_;
+  std::vector<std::uint64_t> ticks_;
   std::vector<double> milliseconds_, starts_;
 };
 
