@@ -1,0 +1,200 @@
+"""Reads what shaders, CMake and C++ say about shaders: headers, variants, declarations, push constants.
+
+A header, of shaders/STEM.comp:
+  // STEM.comp: what it does
+  // in|out|mod|con N name f32|u32[shape] …   storage buffer read, written, or both; uniform buffer
+  // spec I NAME[=default or ≤bound] … | grid … | shared N KiB
+  // loops none, ≤ … N or ≤ … < 65535 | error: … | fp32
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+KINDS = {"read": "in", "write": "out", "modify": "mod", "constant": "con"}  # of Access in src/vk/shader.hpp
+# The least that Vulkan promises, and lavapipe's silent end of loops.
+MOST_INVOCATIONS, MOST_SHARED_KIB, LOOP_LIMIT = 128, 16, 65535
+
+
+class Problems:
+    def __init__(self, root):
+        self.root, self.lines = root, []
+
+    def add(self, path, line, what, expected, found):
+        path = path.relative_to(self.root) if path.is_relative_to(self.root) else path
+        self.lines.append(f"{path}:{line}: {what}: expected {expected}, found {found}")
+
+
+@dataclass
+class HeaderBinding:
+    line: int
+    kind: str
+    name: str
+    element: str
+
+
+@dataclass
+class Header:
+    path: Path
+    bindings: list = field(default_factory=list)         # HeaderBinding
+    specializations: list = field(default_factory=list)  # (name, sign, bound)
+    spec_line: int = 0
+    loops_line: int = 0
+    shared_kib: float = 0
+    has_loops: bool = True
+
+
+@dataclass
+class Build:
+    line: int
+    name: str        # of the SPIR-V
+    stem: str        # of the shader
+    definition: str  # of the variant
+
+
+@dataclass
+class Declaration:
+    path: Path
+    line: int
+    name: str
+    accesses: list  # kinds
+    bindings_line: int
+    parameters: str  # structure, or none
+    specializations: int
+    group_sizes: set  # of work groups that the file asks for
+
+
+def read_header(path, problems):
+    """None if it cannot be made sense of."""
+    before = len(problems.lines)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    header = Header(path)
+    if not lines or not lines[0].startswith(f"// {path.name}: "):
+        problems.add(path, 1, "first line", f"'// {path.name}: …'", f"'{lines[0] if lines else ''}'")
+        return None
+
+    paragraphs = {}  # spec and loops: their line, and all their text on one
+    open_paragraph = None
+    for number, line in enumerate(lines, 1):
+        if not line.startswith("//"):
+            break
+        line = line[2:].strip()
+        if re.match(r"(in|out|mod|con) +\d", line):
+            open_paragraph = None
+            found = re.match(r"(in|out|mod|con) +(\d+) +(\w+) +([fu]32)\[[^\[\]]+\]", line)
+            if not found:
+                problems.add(path, number, "binding", "'in|out|mod|con N name f32|u32[shape]'", f"'{line}'")
+            elif int(found[2]) != len(header.bindings):
+                problems.add(path, number, "binding's number", len(header.bindings), found[2])
+            else:
+                header.bindings.append(HeaderBinding(number, found[1], found[3], found[4]))
+        elif start := re.match(r"(spec|loops)\b", line):
+            open_paragraph = start[1]
+            paragraphs[open_paragraph] = (number, line)
+        elif open_paragraph:
+            at, text = paragraphs[open_paragraph]
+            paragraphs[open_paragraph] = (at, f"{text}  {line}")
+    for name, form in (("spec", "'spec I NAME … | grid … | shared N KiB'"),
+                       ("loops", "'loops … | error: … | fp32'")):
+        if name not in paragraphs:
+            problems.add(path, 1, "header", f"a line {form}", "none")
+    if len(problems.lines) > before:
+        return None
+    read_spec(header, *paragraphs["spec"], problems)
+    read_loops(header, *paragraphs["loops"], problems)
+    return header if len(problems.lines) == before else None
+
+
+def read_spec(header, line, text, problems):
+    header.spec_line = line
+    form = re.fullmatch(r"spec +(.+?) +\| +grid +\S.*? +\| +shared (\d+(?:\.\d+)?) KiB", text)
+    if not form:
+        problems.add(header.path, line, "header", "'spec I NAME … | grid … | shared N KiB'", f"'{text}'")
+        return
+    header.shared_kib = float(form[2])
+    if header.shared_kib > MOST_SHARED_KIB:
+        problems.add(header.path, line, "shared memory", f"at most {MOST_SHARED_KIB} KiB", f"{form[2]} KiB")
+    constant = r"(?:^| )(\d+) +([A-Z]\w*)(?:([=≤<])(\S+))?(?= |$)"
+    if rest := re.sub(constant, "", form[1]).strip():
+        problems.add(header.path, line, "specialization constants", "'I NAME[=default or ≤bound]' each",
+                     f"'{rest}'")
+    for number, name, sign, bound in re.findall(constant, form[1]):
+        if int(number) != len(header.specializations):
+            problems.add(header.path, line, f"id of {name}", len(header.specializations), number)
+        header.specializations.append((name, sign, int(bound) if bound.isdigit() else None))
+    name, sign, size = (header.specializations or [("nothing", "", None)])[0]
+    if name != "WORKGROUP" or sign != "=" or not size or size > MOST_INVOCATIONS:
+        problems.add(header.path, line, "specialization constant 0", f"WORKGROUP=N, at most {MOST_INVOCATIONS}",
+                     f"{name}{sign}{size or ''}")
+
+
+def read_loops(header, line, text, problems):
+    header.loops_line = line
+    form = re.fullmatch(r"loops +(\S.*?) +\| +error: *(\S.*?) +\| +fp32", text)
+    if not form:
+        problems.add(header.path, line, "header", "'loops … | error: … | fp32'", f"'{text}'")
+        return
+    header.has_loops = form[1] != "none"
+    bound, limit, _ = form[1].partition(f" < {LOOP_LIMIT}")
+    last = re.split("[=≤]", bound)[-1].strip()
+    if header.has_loops and not (int(last) < LOOP_LIMIT if last.isdigit() else last and limit):
+        problems.add(header.path, line, "loops", f"'none', '≤ … N' or '≤ … < {LOOP_LIMIT}'", f"'{form[1]}'")
+
+
+def read_builds(path, problems):
+    """[Build] of the calls of bitr_shader."""
+    builds = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if not line.startswith("bitr_shader("):
+            continue
+        call = re.fullmatch(r"bitr_shader\(\w+ (\w+)(?: (\w+) (\w+))?\)", line)
+        if not call:
+            problems.add(path, number, "call", "'bitr_shader(TARGET STEM [VARIANT DEFINITION])'", f"'{line}'")
+            continue
+        builds.append(Build(number, f"{call[1]}_{call[2]}" if call[2] else call[1], call[1], call[3] or ""))
+    return builds
+
+
+def read_parameters(path, problems):
+    """{structure: bytes} of the push constants."""
+    text = re.sub(r"//.*", "", path.read_text(encoding="utf-8"))
+    sizes = {}
+    for found in re.finditer(r"struct (\w+) \{(.*?)\};", text, re.DOTALL):
+        sizes[found[1]] = 0
+        for member in filter(None, map(str.strip, found[2].split(";"))):
+            if form := re.fullmatch(r"(?:uint|int|float) (\w+(?:, \w+)*)", member):
+                sizes[found[1]] += 4 * len(form[1].split(","))
+            else:
+                line = text[:found.start()].count("\n") + 1
+                problems.add(path, line, found[1], "members 'uint|int|float name'", f"'{member}'")
+    return sizes
+
+
+def read_declarations(folder, problems):
+    """[Declaration] of every Shader in src/vk."""
+    def numbers(text):
+        return {name: int(value) for name, value in re.findall(r"constexpr [\w:]+ (\w+) = (\d+);", text)}
+    shared_numbers = numbers((folder / "kernel.hpp").read_text(encoding="utf-8"))
+    declarations = []
+    for path in sorted([*folder.glob("*.cpp"), *folder.glob("*.hpp")]):
+        text = path.read_text(encoding="utf-8")
+        known = shared_numbers | numbers(text)
+        firsts = re.findall(r"(?:std::array|return )\{(?:number\()?(\w+)", text)
+        group_sizes = {known[name] for name in firsts if name in known}
+        lists = {}
+        for found in re.finditer(r"constexpr Access (\w+)\[\] = \{(.*?)\};", text, re.DOTALL):
+            accesses = [KINDS.get(name, name) for name in re.findall(r"Access::(\w+)", found[2])]
+            lists[found[1]] = (accesses, text[:found.start()].count("\n") + 1)
+        for start in re.finditer(r"constexpr Shader (\w+)", text):
+            line = text[:start.start()].count("\n") + 1
+            form = re.match(r'\{\s*"(\w+)",\s*spirv::(\w+),\s*(\w+),\s*(?:sizeof\((\w+)\)|0),\s*(\d+)\s*\};',
+                            text[start.end():])
+            if not form or form[3] not in lists:
+                problems.add(path, line, start[1], '\'{"name", spirv::name, bindings, sizeof(Parameters), N};\'',
+                             f"'{text[start.end():].split(';')[0]}'")
+            elif form[1] != form[2]:
+                problems.add(path, line, f"name of spirv::{form[2]}", f'"{form[2]}"', f'"{form[1]}"')
+            else:
+                declarations.append(Declaration(path, line, form[1], *lists[form[3]], form[4], int(form[5]),
+                                                group_sizes))
+    return declarations
