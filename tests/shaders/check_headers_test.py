@@ -22,7 +22,8 @@ PROJECT = {
 // con 4 weights  f32[W,4]   of vectors
 //                           and more
 // spec 0 WORKGROUP=64  1 K≤64  2 W=8
-//      3 NEAR | grid tiles | shared 1.5 KiB
+//      3 NEAR  4–6 OUT≤4 | grid tiles
+// shared 12·WORKGROUP + … ≤ 1.5 KiB
 // loops ≤ P/2 + K = 640 < 65535 | error: 1e-6 of
 //   the largest entry | fp32
 #version 450
@@ -32,6 +33,9 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int K = 24;
 layout(constant_id = 2) const int W = 8;
 layout(constant_id = 3) const bool NEAR = false;
+layout(constant_id = 4) const int OUT0 = 1;
+layout(constant_id = 5) const int OUT1 = 2;
+layout(constant_id = 6) const int OUT2 = 3;
 const int W2 = W;
 shared vec3 tile[gl_WorkGroupSize.x + 2 * (K + 7) / 31 * W];
 shared float edge[K];
@@ -83,9 +87,9 @@ bitr_shader(bitr clear)
     "src/vk/blur.cpp": """\
 constexpr Access bindings[] = {Access::read,  Access::read,     Access::modify,
                                Access::write, Access::constant};
-constexpr Shader exact{"blur", spirv::blur, bindings, sizeof(BlurParameters), 4};
+constexpr Shader exact{"blur", spirv::blur, bindings, sizeof(BlurParameters), 7};
 constexpr Shader fast{"blur_fast", spirv::blur_fast, bindings,
-                      sizeof(BlurParameters), 4};
+                      sizeof(BlurParameters), 7};
 constexpr std::uint32_t work_group = 64;
 auto sizes = std::array{work_group, 24u, 8u, 0u};
 """,
@@ -126,22 +130,24 @@ WRONG_HEADERS = [
     ("  2 W=8", "  2 W=16", "blur.comp:9: default of W: expected 8, found 16"),
     ("  2 W=8", "  2 W = 8",
      "blur.comp:9: specialization constants: expected 'I NAME[=default or ≤bound]' each"),
-    ("//      3 NEAR |", "//     |", "blur.comp:9: specialization constant 3: expected '3 NEAR', found none"),
-    ("3 NEAR |", "3 NEAR  4 FAR |",
-     "blur.comp:9: specialization constant 4: expected none, as in the shader, found FAR"),
-    (" | grid tiles", "", "blur.comp:9: header: expected 'spec I NAME"),
-    ("shared 1.5 KiB", "shared 1 KiB",
+    ("//      3 NEAR", "//     ", "blur.comp:9: id of OUT: expected 3, found 4"),
+    ("  4–6 OUT≤4 |", " |", "blur.comp:9: specialization constant 5: expected '5 OUT1', found none"),
+    ("4–6 OUT≤4", "4–6 OUT≤2", "blur.comp:9: bound of OUT2: expected at least its default 3, found 2"),
+    ("4–6 OUT≤4 |", "4–6 OUT≤4  7 FAR |",
+     "blur.comp:9: specialization constant 7: expected none, as in the shader, found FAR"),
+    (" | grid tiles\n", "\n", "blur.comp:9: header: expected 'spec I NAME"),
+    ("… ≤ 1.5 KiB", "… ≤ 1 KiB",
      "blur.comp:9: shared memory: expected 1376 bytes, as in the shader, found 1 KiB"),
-    ("shared 1.5 KiB", "shared 0 KiB",
+    ("… ≤ 1.5 KiB", "… ≤ 0 KiB",
      "blur.comp:9: shared memory: expected 1376 bytes, as in the shader, found 0 KiB"),
-    ("shared 1.5 KiB", "shared 32 KiB", "blur.comp:9: shared memory: expected at most 16 KiB, found 32 KiB"),
+    ("… ≤ 1.5 KiB", "… ≤ 32 KiB", "blur.comp:9: shared memory: expected at most 16 KiB, found 32 KiB"),
     ("// loops ≤ P/2 + K = 640 < 65535", "// loops none",
-     "blur.comp:11: loops: expected a bound: the shader has loops, found none"),
-    ("= 640 <", "= 70000 <", "blur.comp:11: loops: expected 'none', '≤ … N' or '≤ … < 65535'"),
+     "blur.comp:12: loops: expected a bound: the shader has loops, found none"),
+    ("= 640 <", "= 70000 <", "blur.comp:12: loops: expected 'none', '≤ … N' or '≤ … < 65535'"),
     ("= 640 < 65535", "",
-     "blur.comp:11: loops: expected 'none', '≤ … N' or '≤ … < 65535', found '≤ P/2 + K'"),
-    ("error: 1e-6 of", "", "blur.comp:11: header: expected 'loops … | error: … | fp32'"),
-    (" | fp32", "", "blur.comp:11: header: expected 'loops … | error: … | fp32'"),
+     "blur.comp:12: loops: expected 'none', '≤ … N' or '≤ … < 65535', found '≤ P/2 + K'"),
+    ("error: 1e-6 of", "", "blur.comp:12: header: expected 'loops … | error: … | fp32'"),
+    (" | fp32", "", "blur.comp:12: header: expected 'loops … | error: … | fp32'"),
 ]
 WRONG_SOURCES = [
     ("shaders/blur.comp", "readonly buffer Values", "buffer Values",
@@ -155,14 +161,14 @@ WRONG_SOURCES = [
     ("shaders/blur.comp", "local_size_x_id = 0", "local_size_x = 64",
      "blur.comp:9: work group size: expected layout("),
     ("shaders/blur.comp", "  result[i] = sum.y;", "  result[i] = float(double(sum.y) * 2.1lf);",
-     "blur.comp:11: precision: expected fp64, as in the shader, found fp32"),
+     "blur.comp:12: precision: expected fp64, as in the shader, found fp32"),
     ("shaders/common/parameters.glsl", "first, count;", "first, count, more[2];",
      "parameters.glsl:1: BlurParameters: expected members 'uint|int|float name', found 'uint first, count, more[2]'"),
     ("src/vk/blur.cpp", "{Access::read,  Access::read, ", "{Access::read, Access::write,",
      "src/vk/blur.cpp:1: blur_fast's bindings: expected read read modify write constant, found read write modify"),
-    ("src/vk/blur.cpp", "bindings, sizeof(BlurParameters), 4", "bindings, sizeof(BlurParameters), 3",
-     "src/vk/blur.cpp:3: blur's specialization constants: expected 4, found 3"),
-    ("src/vk/blur.cpp", "sizeof(BlurParameters), 4};\nconstexpr std", "sizeof(OtherParameters), 4};\nconstexpr std",
+    ("src/vk/blur.cpp", "bindings, sizeof(BlurParameters), 7", "bindings, sizeof(BlurParameters), 3",
+     "src/vk/blur.cpp:3: blur's specialization constants: expected 7, found 3"),
+    ("src/vk/blur.cpp", "sizeof(BlurParameters), 7};\nconstexpr std", "sizeof(OtherParameters), 7};\nconstexpr std",
      "src/vk/blur.cpp:4: blur_fast's push constants: expected BlurParameters, found OtherParameters"),
     ("src/vk/blur.cpp", '{"blur", ', '{"blur_fast", ',
      "src/vk/blur.cpp:3: name of spirv::blur: expected \"blur\""),

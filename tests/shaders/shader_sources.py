@@ -3,7 +3,8 @@
 A header, of shaders/STEM.comp:
   // STEM.comp: what it does
   // in|out|mod|con N name f32|u32[shape] …   storage buffer read, written, or both; uniform buffer
-  // spec I NAME[=default or ≤bound] … | grid … | shared N KiB
+  // spec I NAME[=default or ≤bound] … | grid … | shared [… ≤] N KiB
+  //   (I–J NAME: NAME0, NAME1, …; a new line may stand for a |)
   // loops none, ≤ … N or ≤ … < 65535 | error: … | fp32
 """
 
@@ -93,8 +94,9 @@ def read_header(path, problems):
             paragraphs[open_paragraph] = (number, line)
         elif open_paragraph:
             at, text = paragraphs[open_paragraph]
-            paragraphs[open_paragraph] = (at, f"{text}  {line}")
-    for name, form in (("spec", "'spec I NAME … | grid … | shared N KiB'"),
+            between = " | " if re.match("grid |shared |error:", line) and not text.endswith("|") else "  "
+            paragraphs[open_paragraph] = (at, text + between + line)
+    for name, form in (("spec", "'spec I NAME … | grid … | shared [… ≤] N KiB'"),
                        ("loops", "'loops … | error: … | fp32'")):
         if name not in paragraphs:
             problems.add(path, 1, "header", f"a line {form}", "none")
@@ -107,21 +109,22 @@ def read_header(path, problems):
 
 def read_spec(header, line, text, problems):
     header.spec_line = line
-    form = re.fullmatch(r"spec +(.+?) +\| +grid +\S.*? +\| +shared (\d+(?:\.\d+)?) KiB", text)
+    form = re.fullmatch(r"spec +(.+?) +\| +grid +\S.*? +\| +shared (?:\S.* ≤ )?(\d+(?:\.\d+)?) KiB", text)
     if not form:
-        problems.add(header.path, line, "header", "'spec I NAME … | grid … | shared N KiB'", f"'{text}'")
+        problems.add(header.path, line, "header", "'spec I NAME … | grid … | shared [… ≤] N KiB'", f"'{text}'")
         return
     header.shared_kib = float(form[2])
     if header.shared_kib > MOST_SHARED_KIB:
         problems.add(header.path, line, "shared memory", f"at most {MOST_SHARED_KIB} KiB", f"{form[2]} KiB")
-    constant = r"(?:^| )(\d+) +([A-Z]\w*)(?:([=≤<])(\S+))?(?= |$)"
+    constant = r"(?:^| )(\d+)(?:–(\d+))? +([A-Z]\w*)(?:([=≤<])(\S+))?(?= |$)"
     if rest := re.sub(constant, "", form[1]).strip():
         problems.add(header.path, line, "specialization constants", "'I NAME[=default or ≤bound]' each",
                      f"'{rest}'")
-    for number, name, sign, bound in re.findall(constant, form[1]):
-        if int(number) != len(header.specializations):
-            problems.add(header.path, line, f"id of {name}", len(header.specializations), number)
-        header.specializations.append((name, sign, int(bound) if bound.isdigit() else None))
+    for first, last, name, sign, bound in re.findall(constant, form[1]):
+        if int(first) != len(header.specializations):
+            problems.add(header.path, line, f"id of {name}", len(header.specializations), first)
+        names = [f"{name}{i}" for i in range(int(last) - int(first) + 1)] if last else [name]
+        header.specializations += [(each, sign, int(bound) if bound.isdigit() else None) for each in names]
     name, sign, size = (header.specializations or [("nothing", "", None)])[0]
     if name != "WORKGROUP" or sign != "=" or not size or size > MOST_INVOCATIONS:
         problems.add(header.path, line, "specialization constant 0", f"WORKGROUP=N, at most {MOST_INVOCATIONS}",
