@@ -7,6 +7,7 @@
 
 #include "assembly_report.hpp"
 #include "command.hpp"
+#include "device_choice.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -65,8 +66,14 @@ Result<void> check_outputs(const Options& options) {
   const std::vector<std::string> inputs = {options.source, options.reference, options.model, options.truth};
   if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
   if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
+  if (auto checked = check_output("--profile", options.run.profile, inputs); !checked) return checked;
+  if (options.run.profile == "-")
+    return fail(ErrorCode::invalid_argument, "--profile -: a trace needs a file");
   if (!options.output.empty() && options.output == options.json)
     return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
+  for (const std::string& other : {options.output, options.json})
+    if (!options.run.profile.empty() && options.run.profile == other)
+      return fail(ErrorCode::invalid_argument, "--profile " + other + ": is the file of another output too");
   if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
   return {};
 }
@@ -107,15 +114,16 @@ int run(Options& options) {
   const CloudPair pair = {source->used, reference->used};
   const AssembleOptions how = {
       .complete_match = options.complete_match, .diagnostics = true, .swap_residual = true};
-  const Device device = cpu_device(static_cast<unsigned>(options.run.threads));
-  auto plan = make_plan(device, *model, shape_of({&pair, 1}), options.run.plan);
+  const auto device = open_device(options.run);
+  if (!device) return complain(device.error());
+  auto plan = make_plan(**device, *model, shape_of({&pair, 1}), options.run.plan);
   if (!plan) return complain(plan.error(), which);
   auto assemblies = assemble(*plan, {&pair, 1}, how);
   if (!assemblies) return complain(assemblies.error(), which);
+  device->save_cache();
 
   AssemblyReport report{.assembly = std::move(assemblies->front()),
                         .plan = *plan,
-                        .device = device,
                         .complete_match = options.complete_match,
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
@@ -147,7 +155,8 @@ int run(Options& options) {
     warn(which +
          "the pose leaves much of the source off the reference, so this is no moved copy and complete "
          "matching has no answer for it");
-  const auto written = write_outputs(options, *source, *reference, report);
+  auto written = write_outputs(options, *source, *reference, report);
+  if (written) written = write_profile(options.run, *plan);
   return written ? done : complain(written.error());
 }
 

@@ -76,8 +76,8 @@ void print(const AssemblyReport& report, std::FILE* out) {
                plan.options().as_defined ? ", as defined" : "",
                report.complete_match ? ", complete match" : "");
   print_diagnostics(report, out);
-  std::fprintf(out, "time        %.1f ms on %s, %u threads\n", report.total_milliseconds,
-               report.device.name().c_str(), report.device.threads());
+  std::fprintf(out, "time        %.1f ms on %s (%s), %u threads\n", report.total_milliseconds,
+               plan.device().name().c_str(), name(plan.device().backend()).data(), plan.device().threads());
   if (report.truth)
     std::fprintf(out, "error       rotation %.3g degrees, translation %.3g\n",
                  rotation_error_degrees(report.assembly.T_reference_source, *report.truth),
@@ -102,8 +102,8 @@ Json to_json(const AssemblyReport& report) {
       {"model", report.plan.model().name()},
       {"trained", report.plan.model().trained()},
       {"complete_match", report.complete_match},
-      {"backend", "cpu"},
-      {"device", report.device.name()},
+      {"backend", name(report.plan.device().backend())},
+      {"device", report.plan.device().name()},
       {"precision", precision_name(report.plan.options().precision)},
       {"as_defined", report.plan.options().as_defined},
       {"mode", mode_name(report.plan.mode())},

@@ -13,7 +13,6 @@ namespace bitr::tool {
 struct AssemblyReport {
   Assembly assembly;
   const Plan& plan;
-  const Device& device;
   bool complete_match = false;
   std::size_t source_points = 0, reference_points = 0;  ///< that the network saw
   std::vector<StageTime> timings;

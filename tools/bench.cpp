@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "command.hpp"
+#include "device_choice.hpp"
 #include "options.hpp"
 #include "output.hpp"
 
@@ -76,11 +77,12 @@ Result<Measurement> measure(Plan& plan, const std::vector<CloudPair>& pairs, std
 }
 
 void print(const Json& json) {
-  std::printf("%s points × %s pairs, %s, %s threads: median %.3f ms, min %.3f, p90 %.3f; %.1f pairs/s\n",
-              json["points"].dump().c_str(), json["pairs"].dump().c_str(),
-              json["precision"].get<std::string>().c_str(), json["threads"].dump().c_str(),
-              json["median_ms"].get<double>(), json["min_ms"].get<double>(), json["p90_ms"].get<double>(),
-              json["pairs_per_s"].get<double>());
+  std::printf(
+      "%s points × %s pairs, %s on %s, %s threads: median %.3f ms, min %.3f, p90 %.3f; %.1f pairs/s\n",
+      json["points"].dump().c_str(), json["pairs"].dump().c_str(),
+      json["precision"].get<std::string>().c_str(), json["device"].get<std::string>().c_str(),
+      json["threads"].dump().c_str(), json["median_ms"].get<double>(), json["min_ms"].get<double>(),
+      json["p90_ms"].get<double>(), json["pairs_per_s"].get<double>());
   for (const auto& [stage, milliseconds] : json["stages_ms"].items())
     std::printf("  %-24s %9.3f ms\n", stage.c_str(), milliseconds.get<double>());
 }
@@ -88,6 +90,8 @@ void print(const Json& json) {
 int run(Options& options) {
   if (!options.model_forward) return complain(bad_usage, "bench: nothing chosen; give --model-forward");
   if (const auto checked = check_output("--json", options.json); !checked) return complain(checked.error());
+  if (const auto checked = check_output("--profile", options.run.profile); !checked)
+    return complain(checked.error());
   options.run.plan.mode = options.mode;
   const auto model =
       options.model.empty() ? untrained_model() : load_model(std::filesystem::path(options.model));
@@ -102,17 +106,23 @@ int run(Options& options) {
   }
   for (const GeneratedPair& pair : clouds) pairs.push_back({pair.source, pair.reference});
 
+  const auto device = open_device(options.run);
+  if (!device) return complain(device.error());
   const std::uint64_t baseline = resident_bytes();
-  const Device device = cpu_device(static_cast<unsigned>(options.run.threads));
-  auto plan = make_plan(device, *model, shape_of(pairs), options.run.plan);
+  auto plan = make_plan(**device, *model, shape_of(pairs), options.run.plan);
   if (!plan) return complain(plan.error());
   const auto measured = measure(*plan, pairs, options.repeats);
   if (!measured) return complain(measured.error());
+  device->save_cache();
 
   Json stages = Json::object();
   for (const std::string& stage : measured->stages)
     stages[stage] = quantile(measured->stage_ms.at(stage), 0.5);
   const double median = quantile(measured->batch_ms, 0.5);
+  const bool vulkan = (*device)->backend() == Backend::vulkan;
+  const auto counted = [&](std::size_t PlanCounters::*counter) {
+    return vulkan ? Json(plan->counters().*counter) : Json(nullptr);
+  };
   const Json json = {{"points", options.points},
                      {"pairs", options.pairs},
                      {"repeats", options.repeats},
@@ -124,18 +134,22 @@ int run(Options& options) {
                      {"operations", plan->operation_count()},
                      {"workspace_bytes", plan->workspace_bytes()},
                      {"arena_bytes", plan->workspace_bytes()},
-                     {"dispatches", nullptr},  // of a GPU
-                     {"barriers", nullptr},
+                     {"dispatches", counted(&PlanCounters::dispatches)},
+                     {"barriers", counted(&PlanCounters::barriers)},
+                     {"copies", counted(&PlanCounters::copies)},
+                     {"submissions", counted(&PlanCounters::submissions)},
                      {"baseline_rss_bytes", baseline},
                      {"peak_rss_bytes", peak_resident_bytes()},
                      {"model", model->name()},
                      {"mode", mode_name(plan->mode())},
-                     {"backend", "cpu"},
-                     {"device", device.name()},
-                     {"threads", device.threads()},
+                     {"backend", name((*device)->backend())},
+                     {"device", (*device)->name()},
+                     {"driver", (*device)->driver()},
+                     {"threads", (*device)->threads()},
                      {"precision", precision_name(options.run.plan.precision)},
                      {"as_defined", options.run.plan.as_defined}};
   if (options.json != "-") print(json);
+  if (const auto written = write_profile(options.run, *plan); !written) return complain(written.error());
   if (options.json.empty()) return done;
   const auto written = write_json(options.json, json);
   return written ? done : complain(written.error());

@@ -23,5 +23,7 @@ Command add_generate(CLI::App& root);
 Command add_model_info(CLI::App& model);
 Command add_model_convert(CLI::App& model);
 Command add_bench(CLI::App& root);
+Command add_devices(CLI::App& root);
+Command add_doctor(CLI::App& root);
 
 }  // namespace bitr::tool

@@ -1,5 +1,6 @@
 #include "options.hpp"
 
+#include <bitr/io.hpp>
 #include <charconv>
 #include <limits>
 
@@ -57,23 +58,30 @@ CLI::Option* add_json(CLI::App& app, std::string& path) {
       ->type_name("FILE|-");
 }
 
+CLI::Option* add_optional_json(CLI::App& app, std::string& path) {
+  return add_json(app, path)->expected(0, 1)->default_str("-");
+}
+
 void add_run_options(CLI::App& app, RunOptions& options) {
-  const auto backend = [](const std::string& text) {
-    if (text == "auto" || text == "cpu") return;
-    throw CLI::ValidationError("--backend", text == "vulkan"
-                                                ? "vulkan is unsupported in this build, which has cpu only"
-                                                : "\"" + text + "\" is not one of auto|cpu");
-  };
-  app.add_option_function<std::string>("--backend", backend, "Where to run")
-      ->type_name("auto|cpu")
-      ->default_str("auto");
-  add_count(app, "--threads", options.threads, 0, 4096,
-            "CPU threads, 0 for every core; results do not depend on them");
+  add_device_options(app, options.device);
   add_choice<Precision>(app, "--precision", {{"f32", Precision::f32}, {"f64", Precision::f64}},
-                        options.plan.precision, "Precision of the arithmetic")
+                        options.plan.precision, "Precision of the arithmetic; f64 on the CPU only")
       ->default_str("f32");
   app.add_flag("--as-defined", options.plan.as_defined,
-               "Evaluate the network exactly as it is defined, nothing folded: slow");
+               "Evaluate the network exactly as it is defined, nothing folded: slow, on the CPU only");
+  app.add_option("--profile", options.profile,
+                 "Write when each operation ran, as a trace for ui.perfetto.dev or chrome://tracing")
+      ->type_name("FILE.trace.json");
+}
+
+Result<OpenDevice> open_device(const RunOptions& options) {
+  return open_device(options.device, options.plan.precision == Precision::f64 || options.plan.as_defined);
+}
+
+Result<void> write_profile(const RunOptions& options, const Plan& plan) {
+  if (options.profile.empty()) return {};
+  const std::string trace = chrome_trace(plan);
+  return io::write_file(options.profile, std::as_bytes(std::span(trace)));
 }
 
 std::string_view precision_name(Precision precision) { return precision == Precision::f64 ? "f64" : "f32"; }

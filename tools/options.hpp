@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "device_choice.hpp"
+
 namespace bitr::tool {
 
 inline constexpr std::uint64_t most_points = 100'000'000;
@@ -44,12 +46,19 @@ std::string_view mode_name(Mode mode);
 
 CLI::Option* add_json(CLI::App& app, std::string& path);
 
-/// How a plan runs: --backend, --threads, --precision, --as-defined.
+/// --json with or without a file; "-" without.
+CLI::Option* add_optional_json(CLI::App& app, std::string& path);
+
+/// How a plan runs: where (device_choice.hpp), --precision, --as-defined, --profile.
 struct RunOptions {
-  std::uint64_t threads = 0;
+  DeviceChoice device;
   PlanOptions plan;
+  std::string profile;
 };
 void add_run_options(CLI::App& app, RunOptions& options);
+Result<OpenDevice> open_device(const RunOptions& options);
+/// The plan's last assemble(), if --profile was given.
+Result<void> write_profile(const RunOptions& options, const Plan& plan);
 std::string_view precision_name(Precision precision);
 
 }  // namespace bitr::tool

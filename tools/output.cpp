@@ -21,7 +21,9 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-int exit_status(ErrorCode code) { return code == ErrorCode::internal ? run_failed : bad_usage; }
+int exit_status(ErrorCode code) {
+  return code == ErrorCode::internal || code == ErrorCode::device_lost ? run_failed : bad_usage;
+}
 
 }  // namespace
 

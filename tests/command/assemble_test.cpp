@@ -72,7 +72,8 @@ TEST_F(Assemble, WarnsWhereCompleteMatchingDoesNotApply) {
 }
 
 TEST_F(Assemble, JsonHasTheKeysThatScriptsDependOn) {
-  const Finished finished = run(copy, {"--complete-match", "--json", "-", "--truth", copy.truth});
+  const Finished finished =
+      run(copy, {"--complete-match", "--json", "-", "--truth", copy.truth, "--backend", "cpu"});
   ASSERT_EQ(finished.status, 0) << finished.err;
   const auto json = nlohmann::json::parse(finished.out);
   for (const char* key : {"transform", "rotation", "translation", "model", "backend", "device", "mode",

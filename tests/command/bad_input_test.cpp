@@ -92,7 +92,7 @@ TEST_F(BadInput, Options) {
     return extra;
   };
   refuse({"unknown", option({"--colour", "red"}), "--colour"});
-  refuse({"vulkan", option({"--backend", "vulkan"}), "unsupported in this build"});
+  refuse({"a device of the CPU", option({"--backend", "cpu", "--device", "0"}), "--device 0"});
   refuse({"backend", option({"--backend", "abacus"}), "abacus"});
   refuse({"mode", option({"--mode", "exactly"}), "exactly"});
   refuse({"precision", option({"--precision", "f16"}), "f16"});
@@ -117,14 +117,17 @@ TEST_F(BadInput, Outputs) {
     return std::vector<std::string>{good.source, good.reference, "--complete-match", option, path};
   };
   std::filesystem::create_directory(folder.path("sub"));
-  for (const std::string option : {"--output", "--json"}) {
+  for (const std::string option : {"--output", "--json", "--profile"}) {
     refuse({"no such folder", output(option, folder.path("none/out")), "none/out"});
     refuse({"a folder", output(option, folder.path("sub")), "sub"});
     refuse({"an input", output(option, good.source), "input"});
     if (geteuid() != 0) refuse({"not allowed", output(option, "/proc/out"), "/proc/out"});
   }
   refuse({"a cloud on standard output", output("-o", "-"), "file"});
+  refuse({"a trace on standard output", output("--profile", "-"), "file"});
   const std::string same = folder.path("same");
+  refuse(
+      {"a trace into the result", {good.source, good.reference, "--profile", same, "--json", same}, "same"});
   refuse({"one file for both", {good.source, good.reference, "-o", same, "--json", same}, "same"});
 }
 

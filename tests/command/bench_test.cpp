@@ -6,8 +6,9 @@ namespace bitr::test {
 namespace {
 
 TEST(Bench, ForwardPassesAsJson) {
-  const Finished finished = run_command({"bench", "--model-forward", "--points", "64", "--pairs", "2",
-                                         "--repeats", "3", "--threads", "1", "--json", "-"});
+  const Finished finished =
+      run_command({"bench", "--model-forward", "--points", "64", "--pairs", "2", "--repeats", "3",
+                   "--threads", "1", "--json", "-", "--backend", "cpu"});
   ASSERT_EQ(finished.status, 0) << finished.err;
   const auto json = nlohmann::json::parse(finished.out);
   for (const char* key : {"median_ms", "min_ms", "p90_ms", "pairs_per_s", "stages_ms", "operations",
@@ -20,6 +21,8 @@ TEST(Bench, ForwardPassesAsJson) {
   EXPECT_GT(json["workspace_bytes"], 0);
   EXPECT_GE(json["peak_rss_bytes"], json["baseline_rss_bytes"]);
   EXPECT_EQ(json["threads"], 1);
+  EXPECT_EQ(json["backend"], "cpu");
+  EXPECT_EQ(json["dispatches"], nullptr);
   EXPECT_FALSE(json["stages_ms"].empty());
 }
 

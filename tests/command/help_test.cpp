@@ -12,7 +12,8 @@ using testing::StartsWith;
 using Words = std::vector<std::string>;
 
 TEST(Help, EveryCommandExplainsItselfWithAnExample) {
-  const std::vector<Words> commands = {{},        {"assemble"},      {"generate"},        {"bench"},
+  const std::vector<Words> commands = {{},        {"assemble"},      {"generate"},
+                                       {"bench"}, {"devices"},       {"doctor"},
                                        {"model"}, {"model", "info"}, {"model", "convert"}};
   for (Words words : commands) {
     const std::string name = testing::PrintToString(words);
@@ -46,6 +47,9 @@ TEST(Help, WhatItDoesNotKnowIsStatusTwoAndOneLine) {
       {"model", "info"},
       {"model", "convert", "in.pt"},
       {"bench"},
+      {"devices", "0"},
+      {"doctor", "--frobnicate"},
+      {"doctor", "--backend", "abacus"},
   };
   for (const Words& words : wrong) {
     const Finished finished = run_command(words);

@@ -7,14 +7,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstring>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 
 extern char** environ;
 
 namespace bitr::test {
 
-Finished run_command(const std::vector<std::string>& arguments) {
+Finished run_command(const std::vector<std::string>& arguments, const std::vector<std::string>& environment) {
   const Folder folder;
   const std::string out = folder.path("out"), err = folder.path("err");
   std::vector<std::string> words = {BITR_COMMAND};
@@ -23,13 +25,27 @@ Finished run_command(const std::vector<std::string>& arguments) {
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 
+  // The first of a name wins.
+  std::vector<std::string> variables = environment;
+  variables.push_back("XDG_CACHE_HOME=" + folder.path("cache"));
+  std::vector<char*> envp;
+  const auto add = [&](char* variable) {
+    const std::string_view name(variable, std::strcspn(variable, "=") + 1);
+    if (std::none_of(envp.begin(), envp.end(),
+                     [&](const char* other) { return std::string_view(other).starts_with(name); }))
+      envp.push_back(variable);
+  };
+  for (std::string& variable : variables) add(variable.data());
+  for (char** variable = environ; *variable; ++variable) add(*variable);
+  envp.push_back(nullptr);
+
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, out.c_str(), O_WRONLY | O_CREAT, 0600);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, err.c_str(), O_WRONLY | O_CREAT, 0600);
   pid_t child = 0;
-  const int spawned = posix_spawn(&child, BITR_COMMAND, &actions, nullptr, argv.data(), environ);
+  const int spawned = posix_spawn(&child, BITR_COMMAND, &actions, nullptr, argv.data(), envp.data());
   posix_spawn_file_actions_destroy(&actions);
   EXPECT_EQ(spawned, 0) << BITR_COMMAND;
   if (spawned != 0) return {};

@@ -13,7 +13,9 @@ struct Finished {
   std::string out, err;
 };
 
-Finished run_command(const std::vector<std::string>& arguments);
+/// `environment`: NAME=value, beside the test's own. The cache folder is a fresh one unless it says so.
+Finished run_command(const std::vector<std::string>& arguments,
+                     const std::vector<std::string>& environment = {});
 
 /// A fresh folder, removed with everything in it at the end.
 class Folder {
