@@ -92,7 +92,7 @@ struct DeviceOptions {
   Validation validation = Validation::off;
   /// What Device::pipeline_cache() gave earlier: kernels need not be compiled again. Ignored when it is of
   /// another device or driver, or damaged.
-  std::vector<std::byte> pipeline_cache;
+  std::vector<std::byte> pipeline_cache = {};
 };
 
 /// A Vulkan device with one queue for compute. `no_device` when there is none, none of the asked index or
