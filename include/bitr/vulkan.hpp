@@ -23,7 +23,7 @@ struct AdoptInfo {
   /// The one feature that the library needs of the device; the application states that it enabled it.
   bool timeline_semaphore_enabled = false;
   /// Called around every submission, if the application uses the queue from other threads. Both or neither.
-  std::function<void()> lock_queue, unlock_queue;
+  std::function<void()> lock_queue = {}, unlock_queue = {};
   const VkAllocationCallbacks* allocation = nullptr;
   VkPipelineCache pipeline_cache = VK_NULL_HANDLE;  ///< used, never destroyed
   unsigned threads = 0;                             ///< CPU threads for what stays on the CPU; 0: every core
@@ -44,7 +44,7 @@ struct Bindings {
   BufferSlice reference_positions;              ///< the same of the references
   std::uint32_t position_stride = 3;            ///< numbers from one point to the next, ≥ 3
   std::span<const std::uint32_t> source_sizes;  ///< points of every source
-  std::span<const std::uint32_t> reference_sizes;  ///< points of every reference
+  std::span<const std::uint32_t> reference_sizes = {};  ///< points of every reference
   BufferSlice poses;                               ///< f32[pairs, 16]: row-major 4×4, T_reference_source
 };
 

@@ -1,0 +1,51 @@
+// A whole folded network on the test's Vulkan device.
+#pragma once
+
+#include "model/build.hpp"
+#include "support/cloud_batch.hpp"
+#include "support/configurations.hpp"
+#include "support/vulkan.hpp"
+
+namespace bitr::test {
+
+struct VulkanNetwork {
+  ModelConfig config;
+  graph::Graph graph;
+  CloudBatch batch;
+
+  VulkanNetwork(const std::vector<std::array<std::size_t, 2>>& pairs, const ModelConfig& c = {})
+      : config(c),
+        graph(model::fold(model::build_graph(perturbed_weights(c, 3), Mode::scale_exact))),
+        batch(random(), pairs) {}
+
+  graph::BatchLayout layout() const { return batch.layout(config.num_key_points); }
+  vk::Capacity capacity() const {
+    const auto rows = layout();
+    return {rows.pairs(), rows.rows(graph::Rows::point), rows.key_points};
+  }
+  void fill(const vk::Executor& executor) const {
+    float* to = executor.input(executor.graph().positions);
+    for (const PointCloud& cloud : batch.clouds)
+      for (const Vec3d& p : cloud.positions) {
+        for (const double x : p) *to++ = static_cast<float>(x);
+        *to++ = 0;
+      }
+  }
+  std::vector<float> run(vk::Executor& executor) const {
+    executor.prepare(layout());
+    fill(executor);
+    executor.run();
+    return executor.real(executor.graph().pose);
+  }
+
+ private:
+  static Random& random() {
+    static Random random(42);
+    return random;
+  }
+};
+
+#define BITR_NEEDS_VULKAN() \
+  if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device"
+
+}  // namespace bitr::test
