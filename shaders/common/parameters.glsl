@@ -25,4 +25,14 @@ struct NodeParameters {
   uint keys;  // key points of a cloud
 };
 
+// Kernels that take rows one by one, all tensors bound from the first of them on.
+struct RowParameters {
+  uint rows;
+};
+
+struct NeighbourAttentionParameters {
+  uint rows;
+  float scale;
+};
+
 #endif

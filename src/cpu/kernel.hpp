@@ -88,5 +88,9 @@ template <class T>
 KernelPtr<T> make_kernel(const ops::SoftmaxSum& op);
 template <class T>
 KernelPtr<T> make_kernel(const ops::PairAttention& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::CgProduct& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::NeighbourAttention& op);
 
 }  // namespace bitr::cpu

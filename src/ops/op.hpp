@@ -5,6 +5,7 @@
 
 #include "ops/attend.hpp"
 #include "ops/attention_layer.hpp"
+#include "ops/cg_product.hpp"
 #include "ops/cloud_coefficients.hpp"
 #include "ops/cloud_softmax.hpp"
 #include "ops/cloud_sum.hpp"
@@ -17,6 +18,7 @@
 #include "ops/linear.hpp"
 #include "ops/mean_direction.hpp"
 #include "ops/merge_pairs.hpp"
+#include "ops/neighbour_attention.hpp"
 #include "ops/pair_attention.hpp"
 #include "ops/point_attention.hpp"
 #include "ops/pose.hpp"
@@ -25,8 +27,9 @@
 
 namespace bitr::ops {
 
-using Op = std::variant<AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend,
-                        ProjectedRelu, CloudSoftmax, CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose,
-                        MeanDirection, PointAttention, CloudCoefficients, SoftmaxSum, PairAttention>;
+using Op =
+    std::variant<AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend, ProjectedRelu,
+                 CloudSoftmax, CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose, MeanDirection,
+                 PointAttention, CloudCoefficients, SoftmaxSum, PairAttention, CgProduct, NeighbourAttention>;
 
 }  // namespace bitr::ops

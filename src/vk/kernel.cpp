@@ -45,4 +45,14 @@ Range rows_of(const Slot& index, const TileRun& run) {
   return index.range.sub(run.first_row * row, (run.end_row - run.first_row) * row);
 }
 
+std::vector<RowRun> row_runs(std::size_t rows, std::size_t most_rows, double cost_per_row) {
+  const std::size_t most =
+      std::max<std::size_t>(std::min(most_rows, static_cast<std::size_t>(most_cost / cost_per_row)) / 64, 1) *
+      64;
+  std::vector<RowRun> runs;
+  for (std::size_t first = 0; first < rows; first += most)
+    runs.push_back({first, std::min(most, rows - first)});
+  return runs;
+}
+
 }  // namespace bitr::vk

@@ -92,6 +92,8 @@ KernelPtr make_kernel(const Site& site, const ops::PointAttention& op);
 KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op);
 KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op);
 KernelPtr make_kernel(const Site& site, const ops::PairAttention& op);
+KernelPtr make_kernel(const Site& site, const ops::CgProduct& op);
+KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
 
 /// Throws Failure (`unsupported`) for an operation that only the CPU runs.
 KernelPtr kernel_for(const Site& site, const ops::Op& op);
@@ -106,6 +108,19 @@ std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabi
 
 /// The part of an index tensor that a run of tiles touches.
 Range rows_of(const Slot& index, const TileRun& run);
+
+/// Rows that kernels without tiles take in one dispatch.
+struct RowRun {
+  std::size_t first, count;
+  /// Their part of a tensor that has `rows` rows.
+  Range of(const Slot& slot, std::size_t rows) const {
+    const VkDeviceSize row = slot.range.size / rows;
+    return slot.range.sub(first * row, count * row);
+  }
+};
+/// Runs that cost at most the schedule's bound and have at most `most_rows` rows, a multiple of 64 that keeps
+/// bindings aligned.
+std::vector<RowRun> row_runs(std::size_t rows, std::size_t most_rows, double cost_per_row);
 
 /// Floating-point operations that one dispatch may take: about half a second of the slowest device here.
 constexpr double most_cost = 2e10;
