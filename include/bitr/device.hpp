@@ -87,7 +87,7 @@ enum class Validation : std::uint8_t {
 struct DeviceOptions {
   /// A number is an index into enumerate_devices(), anything else a part of a name, whatever its case; empty
   /// takes the best, discrete GPUs first and drivers on the CPU last.
-  std::string device;
+  std::string device = {};
   unsigned threads = 0;  ///< as for cpu_device
   Validation validation = Validation::off;
   /// What Device::pipeline_cache() gave earlier: kernels need not be compiled again. Ignored when it is of

@@ -19,9 +19,9 @@ struct Check {
 };
 
 /// Runs the default network with untrained weights on random clouds of very different sizes:
-///   - every operation of the folded network on its own against the CPU in double precision: the largest
-///     difference over the largest entry; neighbours against the CPU's, index for index; memory around every
-///     tensor, which must stay untouched (on a GPU);
+///   - every operation of the folded network on its own, in both modes, against the CPU in double precision:
+///     the largest difference over the largest entry; neighbours against the CPU's, index for index; on a
+///     GPU also the memory around every tensor, which must stay untouched;
 ///   - whole passes against the CPU in double precision, and moved, exchanged, scaled and reordered clouds
 ///     against what the pose must then be: degrees, and translations over the clouds' size;
 ///   - the bits of a pair alone, in a batch, and again.

@@ -218,8 +218,18 @@ class Operations {
 
 void check_operations(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
                       std::vector<Check>& checks) {
-  const graph::Graph graph = model::fold(model::build_graph(model.weights(), model.mode()));
-  Operations(device, graph, pairs, model.config().num_key_points).check(checks);
+  // The modes have the same operations, with other norms.
+  std::vector<Check> worst;
+  for (const Mode mode : {Mode::scale_exact, Mode::reference}) {
+    const graph::Graph graph = model::fold(model::build_graph(model.weights(), mode));
+    std::vector<Check> found;
+    Operations(device, graph, pairs, model.config().num_key_points).check(found);
+    if (worst.empty()) worst = found;
+    for (std::size_t i = 0; i < worst.size(); ++i)
+      if (worst[i].passed() && !(found[i].passed() && found[i].measured <= worst[i].measured))
+        worst[i] = found[i];
+  }
+  checks.insert(checks.end(), worst.begin(), worst.end());
 }
 
 }  // namespace bitr

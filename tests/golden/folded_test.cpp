@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "support/golden.hpp"
+#include "support/vulkan.hpp"
 
 namespace bitr {
 namespace {
@@ -37,15 +38,32 @@ TEST_P(Folded, EqualsTheDefinitionInScaleExactMode) {
   EXPECT_GE(compared, 15);
 }
 
+void expect_near(const GoldenCase& golden, const Pose& pose, const Pose& expected) {
+  const auto& t = expected.translation;
+  EXPECT_LE(rotation_error_degrees(pose, expected), 0.02) << "case " << golden.number;
+  EXPECT_LE(translation_error(pose, expected), 5e-4 * std::hypot(t[0], t[1], t[2])) << "case " << golden.number;
+}
+
 template <class T>
 void expect_official(const GoldenCase& golden, cpu::Executor<T>& executor) {
-  for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair) {
-    const Pose pose = test::pose_of(executor.data(executor.graph().pose) + 16 * pair);
-    const Pose expected = test::golden_pose(golden, pair);
-    const auto& t = expected.translation;
-    EXPECT_LE(rotation_error_degrees(pose, expected), 0.02) << "case " << golden.number;
-    EXPECT_LE(translation_error(pose, expected), 5e-4 * std::hypot(t[0], t[1], t[2])) << "case " << golden.number;
-  }
+  for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair)
+    expect_near(golden, test::pose_of(executor.data(executor.graph().pose) + 16 * pair),
+                test::golden_pose(golden, pair));
+}
+
+std::vector<float> run_on_vulkan(const GoldenCase& golden, const graph::Graph& graph) {
+  const graph::BatchLayout layout = golden.layout();
+  vk::Executor executor(test::vulkan(), graph,
+                        {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points});
+  executor.prepare(layout);
+  const auto fill = [&](graph::TensorId id, const std::vector<double>& rows) {
+    float* to = executor.input(id);
+    for (std::size_t i = 0; i < rows.size(); ++i) to[i / 3 * 4 + i % 3] = static_cast<float>(rows[i]);
+  };
+  fill(graph.positions, golden.both("points"));
+  if (graph.normals != graph::no_tensor) fill(graph.normals, golden.both("normals"));
+  executor.run();
+  return executor.real(graph.pose);
 }
 
 TEST_P(Folded, FloatAgreesWithTheOfficialPose) {
@@ -62,6 +80,21 @@ TEST_P(Folded, FloatAsDefinedAgreesWithTheOfficialPose) {
   cpu::Executor<float> executor(model::expand(model::build_graph(golden.weights, Mode::reference)), false);
   golden.run(executor, pool_);
   expect_official(golden, executor);
+}
+
+TEST_P(Folded, VulkanAgreesWithTheOfficialPose) {
+  if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
+  const GoldenCase golden = GoldenCase::load(GetParam());
+  const graph::Graph graph = model::fold(model::build_graph(golden.weights, Mode::reference));
+  const std::vector<float> poses = run_on_vulkan(golden, graph);
+  cpu::Executor<double> folded(graph, false);
+  golden.run(folded, pool_);
+  for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair) {
+    const Pose pose = test::pose_of(poses.data() + 16 * pair);
+    // Case 11 shows what the fold drops, see above.
+    if (GetParam() != 11) expect_near(golden, pose, test::golden_pose(golden, pair));
+    expect_near(golden, pose, test::pose_of(folded.data(graph.pose) + 16 * pair));
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Cases, Folded, testing::ValuesIn(test::all_cases));

@@ -72,10 +72,11 @@ struct Kind {
   Network network;
   Precision precision;
   bool as_defined;
+  Backend backend = Backend::cpu;
 
   std::string name() const {
     return std::string(network.name) + (precision == Precision::f32 ? "_f32" : "_f64") +
-           (as_defined ? "_as_defined" : "");
+           (as_defined ? "_as_defined" : "") + (backend == Backend::vulkan ? "_vulkan" : "");
   }
   friend std::ostream& operator<<(std::ostream& out, const Kind& kind) { return out << kind.name(); }
 };
@@ -85,6 +86,8 @@ std::vector<Kind> kinds() {
   for (const Network& network : test::networks())
     for (const Precision precision : {Precision::f32, Precision::f64})
       all.push_back({network, precision, false});
+  for (const Network& network : test::networks())
+    all.push_back({network, Precision::f32, false, Backend::vulkan});
   all.push_back({test::networks()[1], Precision::f32, true});
   all.push_back({test::networks()[0], Precision::f64, true});
   return all;
@@ -92,6 +95,8 @@ std::vector<Kind> kinds() {
 
 class Batch : public testing::TestWithParam<Kind> {
  protected:
+  void SetUp() override { BITR_NEEDS(GetParam().backend); }
+  Device device(unsigned threads = 2) const { return test::device_on(GetParam().backend, threads); }
   PlanOptions options() const {
     return {.precision = GetParam().precision, .mode = {}, .as_defined = GetParam().as_defined};
   }
@@ -103,12 +108,12 @@ class Batch : public testing::TestWithParam<Kind> {
 
 TEST_P(Batch, ResultsDoNotDependOnTheNumberOfThreads) {
   const auto pairs = views(clouds_);
-  Plan one = test::plan_for(model_, options(), 40000, cpu_device(1));
+  Plan one = test::plan_for(model_, options(), device(1));
   const auto expected = run(one, pairs);
   for (const unsigned threads : {2u, 3u, 5u}) {
-    const Device device = cpu_device(threads);
-    ASSERT_EQ(device.threads(), threads);
-    Plan plan = test::plan_for(model_, options(), 40000, device);
+    const Device other = device(threads);
+    ASSERT_EQ(other.threads(), threads);
+    Plan plan = test::plan_for(model_, options(), other);
     EXPECT_EQ(run(plan, pairs), expected) << threads << " threads";
     EXPECT_EQ(run(plan, pairs), expected) << "again";
   }
@@ -116,7 +121,7 @@ TEST_P(Batch, ResultsDoNotDependOnTheNumberOfThreads) {
 
 TEST_P(Batch, APairAloneEqualsThePairInABatch) {
   const auto pairs = views(clouds_);
-  Plan plan = test::plan_for(model_, options());
+  Plan plan = test::plan_for(model_, options(), device());
   const auto batch = run(plan, pairs);
   ASSERT_EQ(batch.size(), pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i)
@@ -124,7 +129,7 @@ TEST_P(Batch, APairAloneEqualsThePairInABatch) {
   // In another order, in a plan that holds no more, with every option that runs the network again.
   const std::vector<CloudPair> reversed(pairs.rbegin(), pairs.rend());
   const AssembleOptions all{.complete_match = true, .diagnostics = true, .swap_residual = true};
-  Plan large = make_plan(test::shared_device(), model_, shape_of(reversed), options()).value();
+  Plan large = make_plan(device(), model_, shape_of(reversed), options()).value();
   const auto backwards = run(large, reversed, all);
   for (std::size_t i = 0; i < pairs.size(); ++i)
     EXPECT_EQ(run(large, {&reversed[i], 1}, all).at(0), backwards[i]) << "reversed pair " << i;
@@ -147,7 +152,7 @@ TEST_P(Batch, ViewsOfTheSameNumbersGiveTheSame) {
     singles.push_back(single(p));
     rows.push_back({1e300, {p[0], p[1], p[2]}, {n[0], n[1], n[2]}, {c[0], c[1], c[2]}, {}});
   }
-  Plan plan = test::plan_for(model_, options());
+  Plan plan = test::plan_for(model_, options(), device());
   const CloudPair whole{owned, other};
   const auto expected = run(plan, {&whole, 1});
 
@@ -178,7 +183,8 @@ TEST_P(Batch, ViewsOfTheSameNumbersGiveTheSame) {
 // A plan's memory is sized by its largest batch; smaller ones after it must not read what it left.
 TEST_P(Batch, APlanForgetsEarlierBatches) {
   const auto pairs = views(clouds_);
-  Plan used = test::plan_for(model_, options()), fresh = test::plan_for(model_, options());
+  Plan used = test::plan_for(model_, options(), device()),
+       fresh = test::plan_for(model_, options(), device());
   run(used, pairs);
   EXPECT_EQ(run(used, {&pairs[0], 1}), run(fresh, {&pairs[0], 1}));
 }

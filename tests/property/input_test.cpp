@@ -128,15 +128,30 @@ TEST_F(Input, ARefusedBatchChangesNothing) {
   EXPECT_EQ(test::solve(plan_, good_.view(), other_.view()).T_reference_source.rotation, before.rotation);
 }
 
-class Shapes : public testing::TestWithParam<Precision> {
+struct Arithmetic {
+  Precision precision;
+  Backend backend;
+  std::string name() const {
+    return std::string(precision == Precision::f32 ? "f32" : "f64") +
+           (backend == Backend::vulkan ? "_vulkan" : "");
+  }
+  friend std::ostream& operator<<(std::ostream& out, const Arithmetic& a) { return out << a.name(); }
+};
+
+class Shapes : public testing::TestWithParam<Arithmetic> {
  protected:
+  void SetUp() override { BITR_NEEDS(GetParam().backend); }
   // Whatever the shape: a status, and a rotation where that says ok.
   void expect_sound(const ExactCloud& source, const ExactCloud& reference, const std::string& what) {
+    const Device device = test::device_on(GetParam().backend);
     for (const Mode mode : {Mode::scale_exact, Mode::reference})
       for (const bool as_defined : {false, true})
         for (int seed = 0; seed < 2; ++seed) {
-          Plan plan = test::plan_for(untrained_model({}, seed).value(),
-                                     {.precision = GetParam(), .mode = mode, .as_defined = as_defined});
+          if (as_defined && GetParam().backend == Backend::vulkan) continue;
+          Plan plan =
+              test::plan_for(untrained_model({}, seed).value(),
+                             {.precision = GetParam().precision, .mode = mode, .as_defined = as_defined},
+                             device, {.pairs = 1, .points = 300});
           const Assembly assembly = test::solve(plan, source.view(), reference.view(), {});
           statuses_.push_back(assembly.status);
           if (assembly.status == Status::failed) {
@@ -164,7 +179,7 @@ TEST_P(Shapes, ALineIsFlagged) {
   expect_sound(line, blob, "line and blob");
   expect_sound(blob, line, "blob and line");
   expect_sound(line, line, "line and line");
-  if (GetParam() == Precision::f32) return;
+  if (GetParam().precision == Precision::f32) return;
   for (const Status status : statuses_) EXPECT_EQ(status, Status::degenerate);
 }
 
@@ -192,34 +207,43 @@ TEST_P(Shapes, ExtremeSizesAreSound) {
   for (const double c : {1e-6, 1e6}) expect_sound(test::scaled(x, c), test::scaled(y, c), std::to_string(c));
 }
 
-INSTANTIATE_TEST_SUITE_P(Precisions, Shapes, testing::Values(Precision::f32, Precision::f64),
-                         [](const auto& kind) { return kind.param == Precision::f32 ? "f32" : "f64"; });
+const Arithmetic arithmetics[] = {
+    {Precision::f32, Backend::cpu}, {Precision::f64, Backend::cpu}, {Precision::f32, Backend::vulkan}};
+INSTANTIATE_TEST_SUITE_P(Arithmetics, Shapes, testing::ValuesIn(arithmetics),
+                         [](const auto& kind) { return kind.param.name(); });
 
-TEST(Verify, AGoodPairIsWithinEveryBound) {
+class Verify : public testing::TestWithParam<Arithmetic> {
+ protected:
+  void SetUp() override { BITR_NEEDS(GetParam().backend); }
+};
+
+TEST_P(Verify, AGoodPairIsWithinEveryBound) {
   Random random(3);
   const ExactCloud source = exact_cloud(random, 400), reference = exact_cloud(random, 350);
-  for (const test::Network& network : test::networks())
-    for (const Precision precision : {Precision::f32, Precision::f64}) {
-      Plan plan =
-          test::plan_for(untrained_model(network.config, 1).value(), {.precision = precision, .mode = {}});
-      const auto stages = verify(plan, {source.view(), reference.view()});
-      ASSERT_TRUE(stages) << stages.error().message;
-      EXPECT_GE(stages->size(), 12u);
-      for (const StageDifference& stage : *stages)
-        EXPECT_TRUE(stage.within()) << network.name << (precision == Precision::f32 ? " f32 " : " f64 ")
-                                    << stage.stage << ": " << stage.difference << " > " << stage.bound;
-      EXPECT_EQ(stages->back().stage, "out.t");
-    }
+  for (const test::Network& network : test::networks()) {
+    Plan plan = test::plan_for(untrained_model(network.config, 1).value(),
+                               {.precision = GetParam().precision}, test::device_on(GetParam().backend));
+    const auto stages = verify(plan, {source.view(), reference.view()});
+    ASSERT_TRUE(stages) << stages.error().message;
+    EXPECT_GE(stages->size(), 12u);
+    for (const StageDifference& stage : *stages)
+      EXPECT_TRUE(stage.within()) << network.name << " " << stage.stage << ": " << stage.difference << " > "
+                                  << stage.bound;
+    EXPECT_EQ(stages->back().stage, "out.t");
+  }
 }
 
-TEST(Verify, RefusesWhatAssembleRefuses) {
+TEST_P(Verify, RefusesWhatAssembleRefuses) {
   Random random(3);
   const ExactCloud small = exact_cloud(random, 10), fine = exact_cloud(random, 100);
-  Plan plan = test::plan_for(untrained_model().value(), {});
+  Plan plan = test::plan_for(untrained_model().value(), {}, test::device_on(GetParam().backend));
   const auto stages = verify(plan, {small.view(), fine.view()});
   ASSERT_FALSE(stages);
   EXPECT_EQ(stages.error().code, ErrorCode::invalid_argument);
 }
+
+INSTANTIATE_TEST_SUITE_P(Arithmetics, Verify, testing::ValuesIn(arithmetics),
+                         [](const auto& kind) { return kind.param.name(); });
 
 TEST(Diagnostics, MeasureTheOverlapOfACopy) {
   Random random(8);

@@ -8,8 +8,10 @@
 #include <span>
 #include <string>
 
+#include "cpu/thread_pool.hpp"
 #include "support/random_motion.hpp"
 #include "support/shapes.hpp"
+#include "support/vulkan.hpp"
 
 namespace bitr::test {
 
@@ -61,9 +63,19 @@ inline Device shared_device() {
   return device;
 }
 
-inline Plan plan_for(const Model& model, const PlanOptions& options, std::size_t points = 40000,
-                     const Device& device = shared_device()) {
-  auto plan = make_plan(device, model, {.pairs = 16, .points = points}, options);
+/// A backend that a test runs on; `present` is false for Vulkan where no device is.
+inline bool present(Backend backend) { return backend == Backend::cpu || vulkan(); }
+#define BITR_NEEDS(backend) \
+  if (!test::present(backend)) GTEST_SKIP() << "no Vulkan device"
+
+inline Device device_on(Backend backend, unsigned threads = 2) {
+  if (backend == Backend::cpu) return cpu_device(threads);
+  return Device(std::make_shared<cpu::ThreadPool>(threads), vulkan());
+}
+
+inline Plan plan_for(const Model& model, const PlanOptions& options, const Device& device = shared_device(),
+                     const BatchShape& capacity = {.pairs = 16, .points = 10000}) {
+  auto plan = make_plan(device, model, capacity, options);
   EXPECT_TRUE(plan) << (plan ? "" : plan.error().message);
   return std::move(*plan);
 }
