@@ -25,6 +25,28 @@ struct NodeParameters {
   uint keys;  // key points of a cloud
 };
 
+// Kernels that go by tiles and read no index.
+struct TileParameters {
+  uint first_tile;
+};
+
+// Kernels with a work group, or an invocation, per cloud or pair.
+struct SegmentParameters {
+  uint first;     // the first work group's
+  uint segments;  // in the batch
+};
+
+struct HeadParameters {
+  uint first_pair;
+  uint keys;  // key points of a pair
+};
+
+// A run of nodes of the two-sided graph.
+struct PairParameters {
+  uint first_node;
+  uint nodes;
+};
+
 // Kernels that take rows one by one, all tensors bound from the first of them on.
 struct RowParameters {
   uint rows;

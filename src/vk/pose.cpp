@@ -1,10 +1,31 @@
-#include "core/failure.hpp"
+#include "pose.spv.hpp"
 #include "vk/kernel.hpp"
 
 namespace bitr::vk {
+namespace {
 
-KernelPtr make_kernel(const Site&, const ops::ProjectPose&) {
-  throw Failure(ErrorCode::unsupported, "pose has no Vulkan kernel yet");
+constexpr Access bindings[] = {Access::read, Access::write};
+constexpr Shader shader{"pose", spirv::pose, bindings, sizeof(SegmentParameters), 1};
+
+class ProjectPoseKernel : public Kernel {
+ public:
+  explicit ProjectPoseKernel(const Site& site)
+      : pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {}
+
+  void record(const Arguments& args) const override {
+    const std::uint32_t pairs = args.layout.pairs();
+    args.schedule.dispatch(pipeline_, {args.in[0].range, args.out[0].range}, SegmentParameters{0, pairs},
+                           {(pairs + tile_rows - 1) / tile_rows, 1, 1}, 2000.0 * pairs);
+  }
+
+ private:
+  const Pipeline& pipeline_;
+};
+
+}  // namespace
+
+KernelPtr make_kernel(const Site& site, const ops::ProjectPose&) {
+  return std::make_unique<ProjectPoseKernel>(site);
 }
 
 }  // namespace bitr::vk
