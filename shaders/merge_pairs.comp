@@ -4,7 +4,7 @@
 // in  1 features    f32[2B·K,W4] W = CHANNELS · (1 + 3), padded to a multiple of 4
 // out 2 node        f32[B·K,8]   xyz of both
 // out 3 merged      f32[B·K,16·CHANNELS]
-// spec 0 WORKGROUP=32  1 CHANNELS | grid ceil(B·K·16·CHANNELS / WORKGROUP) | shared 0 KiB
+// spec 0 WORKGROUP=32  1 CHANNELS | grid ceil(B·K·16·CHANNELS / WORKGROUP), in parts | shared 0 KiB
 // loops none | error: one rounding | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -20,10 +20,10 @@ layout(set = 0, binding = 0) readonly buffer Positions { float positions[]; };
 layout(set = 0, binding = 1) readonly buffer Features { float features[]; };
 layout(set = 0, binding = 2) writeonly buffer Node { float node_position[]; };
 layout(set = 0, binding = 3) writeonly buffer Merged { float merged[]; };
-layout(push_constant) uniform Push { NodeParameters p; };
+layout(push_constant) uniform Push { MergeParameters p; };
 
 void main() {
-  const uint item = gl_GlobalInvocationID.x;
+  const uint item = p.first_item + gl_GlobalInvocationID.x;
   const uint node = item / WIDTH, column = item % WIDTH;
   if (node >= p.nodes) return;
   const uint source = node * FEATURE_STRIDE, reference = (node + p.nodes) * FEATURE_STRIDE;

@@ -20,9 +20,9 @@ struct CloudParameters {
   uint clouds;
 };
 
-struct NodeParameters {
+struct MergeParameters {
+  uint first_item;  // the first invocation's
   uint nodes;
-  uint keys;  // key points of a cloud
 };
 
 // Kernels that go by tiles and read no index.

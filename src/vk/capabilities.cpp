@@ -109,8 +109,12 @@ Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice devic
     c.quirks.push_back(&quirk);
     if (quirk.loop_limit) c.loop_limit = quirk.loop_limit;
   }
-  c.shuffle = c.subgroup_size >= 8 && (subgroup.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT) &&
-              (subgroup.supportedOperations & VK_SUBGROUP_FEATURE_SHUFFLE_BIT);
+  // Work groups have 32 invocations: larger subgroups would be partly empty.
+  constexpr VkSubgroupFeatureFlags operations =
+      VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT;
+  c.shuffle = c.subgroup_size >= 8 && c.subgroup_size <= 32 &&
+              (subgroup.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT) &&
+              (subgroup.supportedOperations & operations) == operations;
   c.unsuitable = fault(c, compute, timeline);
   return c;
 }

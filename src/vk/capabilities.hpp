@@ -26,7 +26,8 @@ struct Capabilities {
   std::uint32_t timestamp_bits = 0;
   float timestamp_period = 1;  ///< nanoseconds a tick
   std::uint32_t subgroup_size = 1;
-  bool shuffle = false;  ///< tier: candidates travel by subgroup shuffle; else every invocation loads them
+  bool shuffle = false;  ///< tier: neighbour searches share candidates by subgroup shuffle; else every
+                         ///< invocation loads them
   std::uint32_t storage_buffers = 0;
   std::uint64_t storage_range = 0;
   std::uint64_t uniform_range = 0;

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "vk/capabilities.hpp"
@@ -18,7 +19,7 @@ namespace bitr::vk {
 class Context;
 
 /// Throws Failure: `device_lost`, or `internal` naming the call and its result.
-void check(VkResult result, const std::string& what);
+void check(VkResult result, std::string_view what);
 
 /// Memory of one buffer. Host-visible ones stay mapped and are coherent.
 class Buffer {

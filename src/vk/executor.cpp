@@ -52,10 +52,12 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
       own_tensors_(graph_.tensors.size()),
       largest_(gathered(largest)),
       options_(options),
+      schedule_(context_->capabilities().groups),
+      host_schedule_(context_->capabilities().groups),
       recorder_(*context_),
       host_recorder_(*context_) {
   for (graph::Node& node : graph_.nodes) {
-    Site site{*context_, {}, {}};
+    Site site{*context_, {}, {}, largest_};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
     for (TensorId id : node.outputs) site.out.push_back(graph_.tensors[id]);
     kernels_.push_back(kernel_for(site, node.op));

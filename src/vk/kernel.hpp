@@ -79,6 +79,7 @@ using KernelPtr = std::unique_ptr<Kernel>;
 struct Site {
   const Context& context;
   std::vector<graph::TensorInfo> in, out;
+  const graph::BatchLayout& largest;  ///< a batch with as many rows of every kind as there can be
 };
 
 // One maker per operation, each in the file of its stem.

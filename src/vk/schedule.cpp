@@ -27,6 +27,11 @@ void Schedule::add(Work work, std::size_t push_bytes) {
   const Shader& shader = *work.pipeline->shader;
   if (push_bytes != shader.push_bytes || work.ranges.size() != shader.bindings.size())
     throw Failure(ErrorCode::internal, std::string(shader.name) + ": bindings or parameters do not match it");
+  if (const std::uint32_t most = *std::max_element(work.groups.begin(), work.groups.end());
+      most > most_groups_)
+    throw Failure(ErrorCode::internal, std::string(shader.name) + ": " + std::to_string(most) +
+                                           " work groups along an axis, at most " +
+                                           std::to_string(most_groups_) + " fit");
   if (work.groups[0] == 0 || work.groups[1] == 0 || work.groups[2] == 0) return;
   works_.push_back(std::move(work));
 }

@@ -47,6 +47,9 @@ struct Counters {
 
 class Schedule {
  public:
+  /// `groups`: work groups that a dispatch may have along an axis.
+  explicit Schedule(std::uint32_t groups = 65535) : most_groups_(groups) {}
+
   template <class Parameters>
   void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, const Parameters& parameters,
                 std::array<std::uint32_t, 3> groups, double cost) {
@@ -54,6 +57,11 @@ class Schedule {
     Work work{&pipeline, std::move(ranges), {}, groups, cost, node_};
     std::memcpy(work.push.data(), &parameters, sizeof parameters);
     add(std::move(work), sizeof parameters);
+  }
+  /// Of a shader without parameters.
+  void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, std::array<std::uint32_t, 3> groups,
+                double cost) {
+    add({&pipeline, std::move(ranges), {}, groups, cost, node_}, 0);
   }
   void copy(const Range& from, const Range& to);
 
@@ -69,6 +77,7 @@ class Schedule {
   void add(Work work, std::size_t push_bytes);
   std::vector<Work> works_;
   int node_ = -1;
+  std::uint32_t most_groups_;
 };
 
 /// Records schedules into command buffers; owns the descriptor sets.

@@ -1,0 +1,132 @@
+#include "vk/knn_tree.hpp"
+
+#include <algorithm>
+
+#include "knn_tree.spv.hpp"
+#include "knn_tree_blocks.spv.hpp"
+#include "knn_tree_bounds.spv.hpp"
+#include "knn_tree_clear.spv.hpp"
+#include "knn_tree_count.spv.hpp"
+#include "knn_tree_levels.spv.hpp"
+#include "knn_tree_scan.spv.hpp"
+#include "knn_tree_scatter.spv.hpp"
+#include "knn_tree_shuffle.spv.hpp"
+
+namespace bitr::vk {
+namespace {
+
+using enum Access;
+
+constexpr Access bounds_bindings[] = {read, read, write};
+constexpr Shader bounds_shader{"knn_tree_bounds", spirv::knn_tree_bounds, bounds_bindings, 0, 1};
+constexpr Access clear_bindings[] = {read, write};
+constexpr Shader clear_shader{"knn_tree_clear", spirv::knn_tree_clear, clear_bindings, sizeof(TileParameters),
+                              1};
+constexpr Access count_bindings[] = {read, read, read, read, modify};
+constexpr Shader count_shader{"knn_tree_count", spirv::knn_tree_count, count_bindings, sizeof(TileParameters),
+                              1};
+constexpr Access scan_bindings[] = {read, read, modify};
+constexpr Shader scan_shader{"knn_tree_scan", spirv::knn_tree_scan, scan_bindings, 0, 1};
+constexpr Access scatter_bindings[] = {read, read, read, read, modify, write};
+constexpr Shader scatter_shader{"knn_tree_scatter", spirv::knn_tree_scatter, scatter_bindings,
+                                sizeof(TileParameters), 1};
+constexpr Access blocks_bindings[] = {read, read, read, write};
+constexpr Shader blocks_shader{"knn_tree_blocks", spirv::knn_tree_blocks, blocks_bindings,
+                               sizeof(TileParameters), 1};
+constexpr Access levels_bindings[] = {read, modify};
+constexpr Shader levels_shader{"knn_tree_levels", spirv::knn_tree_levels, levels_bindings, 0, 1};
+constexpr Access search_bindings[] = {read, read, read, read, write, write};
+constexpr Shader search_shader{"knn_tree", spirv::knn_tree, search_bindings, sizeof(PointParameters), 2};
+constexpr Shader shuffle_shader{"knn_tree_shuffle", spirv::knn_tree_shuffle, search_bindings,
+                                sizeof(PointParameters), 2};
+
+constexpr std::uint32_t lanes = 128;
+constexpr std::size_t cells_per_point = 8;  // shaders/common/knn_tree.glsl
+// Boxes met and points compared, of a point's search.
+constexpr double search_cost = 6000;
+
+struct Parts {
+  std::size_t sorted, grids, cells, boxes, bytes;
+};
+
+Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
+  const std::size_t points = layout.rows(graph::Rows::point), clouds = layout.clouds();
+  const auto after = [alignment](std::size_t begin, std::size_t bytes) {
+    return (begin + bytes + alignment - 1) / alignment * alignment;
+  };
+  Parts parts{};
+  parts.grids = after(parts.sorted, 16 * points);
+  parts.cells = after(parts.grids, 32 * clouds);
+  parts.boxes = after(parts.cells, 4 * cells_per_point * points);
+  // first_node() of the cloud after the last.
+  parts.bytes = after(parts.boxes, 32 * (2 * (points / tile_rows + clouds) + 8 * clouds));
+  return parts;
+}
+
+}  // namespace
+
+KnnTree::KnnTree(const Context& context, int k)
+    : capabilities_(context.capabilities()),
+      bounds_(context.pipeline(bounds_shader, std::array{lanes})),
+      clear_(context.pipeline(clear_shader, std::array{tile_rows})),
+      count_(context.pipeline(count_shader, std::array{tile_rows})),
+      scan_(context.pipeline(scan_shader, std::array{lanes})),
+      scatter_(context.pipeline(scatter_shader, std::array{tile_rows})),
+      blocks_(context.pipeline(blocks_shader, std::array{tile_rows})),
+      levels_(context.pipeline(levels_shader, std::array{lanes})),
+      search_(context.pipeline(capabilities_.shuffle ? shuffle_shader : search_shader,
+                               std::array{tile_rows, static_cast<std::uint32_t>(k)})) {}
+
+std::size_t KnnTree::scratch_bytes(const graph::BatchLayout& layout, const Capabilities& capabilities) {
+  return parts_of(layout, capabilities.alignment).bytes;
+}
+
+void KnnTree::record(Schedule& schedule, const graph::BatchLayout& layout, const RowTable& table,
+                     const Slot& points, const Slot& index, const Range& scratch) const {
+  const Parts parts = parts_of(layout, capabilities_.alignment);
+  const Range sorted = scratch.sub(parts.sorted, parts.grids - parts.sorted);
+  const Range grids = scratch.sub(parts.grids, parts.cells - parts.grids);
+  const Range cells = scratch.sub(parts.cells, parts.boxes - parts.cells);
+  const Range boxes = scratch.sub(parts.boxes, parts.bytes - parts.boxes);
+  const auto rows = static_cast<double>(layout.rows(graph::Rows::point));
+  const std::array<std::uint32_t, 3> per_cloud = {layout.clouds(), 1, 1};
+
+  schedule.dispatch(bounds_, {points.range, table.offsets, grids}, per_cloud, 20 * rows);
+  const auto runs = tile_runs(table, capabilities_, 30);
+  const auto by_tiles = [&](const Pipeline& pipeline, const std::vector<Range>& ranges) {
+    for (const TileRun& run : runs)
+      schedule.dispatch(pipeline, ranges, TileParameters{run.first}, {run.count, 1, 1}, 30 * rows);
+  };
+  by_tiles(clear_, {table.tiles, cells});
+  by_tiles(count_, {points.range, table.tiles, table.offsets, grids, cells});
+  schedule.dispatch(scan_, {table.offsets, grids, cells}, per_cloud, 10 * rows);
+  by_tiles(scatter_, {points.range, table.tiles, table.offsets, grids, cells, sorted});
+  by_tiles(blocks_, {sorted, table.tiles, table.offsets, boxes});
+  schedule.dispatch(levels_, {table.offsets, boxes}, per_cloud, rows);
+
+  // Queries go in the order of the tree, results to any row of the cloud: a dispatch binds whole clouds.
+  const auto& tiles = table.host_tiles;
+  const std::size_t row_bytes = sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row);
+  const auto most_tiles = static_cast<std::uint32_t>(
+      std::clamp(most_cost / (search_cost * tile_rows), 1.0, static_cast<double>(capabilities_.groups)));
+  for (std::uint32_t first = 0; first < tiles.size();) {
+    const std::uint32_t first_row = tiles[first][1] / 64 * 64;
+    std::uint32_t end = first, cloud_end = first;
+    for (std::uint32_t cloud = tiles[first][0]; cloud_end < tiles.size(); ++cloud) {
+      while (cloud_end < tiles.size() && tiles[cloud_end][0] == cloud) ++cloud_end;
+      if (end > first && (tiles[cloud_end - 1][2] - first_row) * row_bytes > capabilities_.storage_range)
+        break;
+      end = cloud_end;
+    }
+    const Range rows_index =
+        index.range.sub(first_row * row_bytes, (tiles[end - 1][2] - first_row) * row_bytes);
+    for (std::uint32_t at = first; at < end; at += most_tiles) {
+      const std::uint32_t count = std::min(most_tiles, end - at);
+      schedule.dispatch(search_, {sorted, table.tiles, table.offsets, boxes, rows_index, points.range},
+                        PointParameters{at, first_row}, {count, 1, 1}, search_cost * tile_rows * count);
+    }
+    first = end;
+  }
+}
+
+}  // namespace bitr::vk
