@@ -119,7 +119,7 @@ struct CgProductInput {
 /// Of every channel's features a and b the part of a ⊗ b that turns as degree `out`:
 ///   out_m = Σ_ij Q[(i, j), m] a_i b_j,
 /// Q the orthonormal columns of the Clebsch–Gordan matrix that belong to D^out (for both sides, the product
-/// of two such): 1 ⊗ 1 → 0 is a·b/√3, 1 ⊗ 1 → 1 is a×b/√2 up to the order of components. For all rotations,
+/// of two such): 1 ⊗ 1 → 0 is −a·b/√3, 1 ⊗ 1 → 1 is a×b/√2. For all rotations,
 /// turning a and b turns out. Along edges, edge (n, j) takes a of row index[n, j] and its own b, as a
 /// convolution's messages do.
 /// Result: [P, channels, dim of out], along edges [Q, k, channels, dim of out]. Error in float: 1e-6 of the

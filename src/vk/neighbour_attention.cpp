@@ -9,7 +9,8 @@ namespace {
 constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
 constexpr Shader shader{"neighbour_attention", spirv::neighbour_attention, bindings,
                         sizeof(NeighbourAttentionParameters), 5};
-constexpr std::uint32_t group_size = 64, queries_per_group = 8;
+constexpr std::uint32_t group_size = 64;
+constexpr std::uint32_t queries_per_group = 8;
 
 class NeighbourAttentionKernel : public Kernel {
  public:

@@ -4,6 +4,7 @@
 
 #include "core/random.hpp"
 #include "support/op_run.hpp"
+#include "support/plain_knn.hpp"
 #include "support/vulkan.hpp"
 
 namespace bitr {
@@ -12,31 +13,6 @@ namespace {
 using graph::BatchLayout;
 using graph::Rows;
 using test::OpTensor;
-
-// Σ (q − p)² in T, axis by axis, never contracted: what ops/knn.hpp promises.
-template <class T>
-T squared(const T* a, const T* b, int dim) {
-  T sum = 0;
-  for (int i = 0; i < dim; ++i) {
-    const volatile T d = a[i] - b[i], square = d * d;
-    sum = sum + square;
-  }
-  return sum;
-}
-
-template <class T>
-std::vector<std::uint32_t> plain(const std::vector<T>& queries, const std::vector<T>& references,
-                                 std::size_t q, std::size_t begin, std::size_t end, const ops::Knn& op) {
-  std::vector<std::pair<T, std::uint32_t>> all;
-  for (std::size_t r = begin; r < end; ++r)
-    if (!op.exclude_self || r != q)
-      all.emplace_back(squared(&queries[q * op.dim], &references[r * op.dim], op.dim),
-                       static_cast<std::uint32_t>(r));
-  std::partial_sort(all.begin(), all.begin() + op.k, all.end());
-  std::vector<std::uint32_t> index;
-  for (int i = 0; i < op.k; ++i) index.push_back(all[i].second);
-  return index;
-}
 
 std::vector<double> random_points(Random& random, std::size_t count, int dim, int lattice) {
   std::vector<double> points;
@@ -75,8 +51,9 @@ class KnnCase {
     for (std::uint32_t s = 0; s < layout_.segments(query_rows); ++s)
       for (std::size_t row = layout_.begin(query_rows, s); row < layout_.begin(query_rows, s + 1);
            row += step) {
-        const auto expected =
-            plain(q, r, row, layout_.begin(reference_rows, s), layout_.begin(reference_rows, s + 1), op);
+        const auto expected = test::nearest_rows(&q[row * op.dim], r.data(), layout_.begin(reference_rows, s),
+                                                 layout_.begin(reference_rows, s + 1),
+                                                 op.exclude_self ? row : std::size_t(-1), op.k, op.dim);
         const std::vector<std::uint32_t> got(found.begin() + row * op.k, found.begin() + (row + 1) * op.k);
         ASSERT_EQ(got, expected) << "query " << row << ", lattice " << lattice << ", k " << op.k << ", dim "
                                  << op.dim;

@@ -63,8 +63,7 @@ inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::Batch
   for (const OpTensor& tensor : inputs) node.inputs.push_back(add(tensor));
   for (const OpTensor& tensor : outputs) node.outputs.push_back(add(tensor));
   graph.nodes.push_back(node);
-  vk::Executor executor(vulkan(), graph, {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points},
-                        {.guard_bytes = 256});
+  vk::Executor executor(vulkan(), graph, layout, {.guard_bytes = 256});
   executor.prepare(layout);
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     float* to = executor.input(node.inputs[i]);
