@@ -192,7 +192,7 @@ TEST_F(VulkanDevice, KeepsCompiledKernels) {
     return json.dump();
   };
   const std::string uncached = result({"--no-cache"});
-  EXPECT_FALSE(std::filesystem::exists(cache));
+  EXPECT_FALSE(std::filesystem::exists(cache + "/bitr"));
   EXPECT_EQ(result(), uncached);
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(cache + "/bitr"))

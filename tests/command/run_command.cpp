@@ -25,8 +25,12 @@ Finished run_command(const std::vector<std::string>& arguments, const std::vecto
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 
-  // The first of a name wins.
+  // The first of a name wins. Mesa keeps the cache it has: compiling everything anew takes it seconds.
   std::vector<std::string> variables = environment;
+  const char *cache = std::getenv("XDG_CACHE_HOME"), *home = std::getenv("HOME");
+  if (!std::getenv("MESA_SHADER_CACHE_DIR") && (cache || home))
+    variables.push_back("MESA_SHADER_CACHE_DIR=" +
+                        (cache ? std::string(cache) : home + std::string("/.cache")));
   variables.push_back("XDG_CACHE_HOME=" + folder.path("cache"));
   std::vector<char*> envp;
   const auto add = [&](char* variable) {
