@@ -66,14 +66,10 @@ Result<void> check_outputs(const Options& options) {
   const std::vector<std::string> inputs = {options.source, options.reference, options.model, options.truth};
   if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
   if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
-  if (auto checked = check_output("--profile", options.run.profile, inputs); !checked) return checked;
-  if (options.run.profile == "-")
-    return fail(ErrorCode::invalid_argument, "--profile -: a trace needs a file");
+  if (auto checked = check_profile(options.run, inputs, {options.output, options.json}); !checked)
+    return checked;
   if (!options.output.empty() && options.output == options.json)
     return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
-  for (const std::string& other : {options.output, options.json})
-    if (!options.run.profile.empty() && options.run.profile == other)
-      return fail(ErrorCode::invalid_argument, "--profile " + other + ": is the file of another output too");
   if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
   return {};
 }

@@ -90,7 +90,7 @@ void print(const Json& json) {
 int run(Options& options) {
   if (!options.model_forward) return complain(bad_usage, "bench: nothing chosen; give --model-forward");
   if (const auto checked = check_output("--json", options.json); !checked) return complain(checked.error());
-  if (const auto checked = check_output("--profile", options.run.profile); !checked)
+  if (const auto checked = check_profile(options.run, {options.model}, {options.json}); !checked)
     return complain(checked.error());
   options.run.plan.mode = options.mode;
   const auto model =

@@ -1,8 +1,11 @@
 #include "options.hpp"
 
+#include <algorithm>
 #include <bitr/io.hpp>
 #include <charconv>
 #include <limits>
+
+#include "output.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -76,6 +79,16 @@ void add_run_options(CLI::App& app, RunOptions& options) {
 
 Result<OpenDevice> open_device(const RunOptions& options) {
   return open_device(options.device, options.plan.precision == Precision::f64 || options.plan.as_defined);
+}
+
+Result<void> check_profile(const RunOptions& options, const std::vector<std::string>& inputs,
+                           const std::vector<std::string>& outputs) {
+  if (options.profile.empty()) return {};
+  if (options.profile == "-") return fail(ErrorCode::invalid_argument, "--profile -: a trace needs a file");
+  if (std::find(outputs.begin(), outputs.end(), options.profile) != outputs.end())
+    return fail(ErrorCode::invalid_argument,
+                "--profile " + options.profile + ": is the file of another output too");
+  return check_output("--profile", options.profile, inputs);
 }
 
 Result<void> write_profile(const RunOptions& options, const Plan& plan) {

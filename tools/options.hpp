@@ -57,6 +57,9 @@ struct RunOptions {
 };
 void add_run_options(CLI::App& app, RunOptions& options);
 Result<OpenDevice> open_device(const RunOptions& options);
+/// Of --profile, as check_output; a trace needs a file that is no other output.
+Result<void> check_profile(const RunOptions& options, const std::vector<std::string>& inputs,
+                           const std::vector<std::string>& outputs);
 /// The plan's last assemble(), if --profile was given.
 Result<void> write_profile(const RunOptions& options, const Plan& plan);
 std::string_view precision_name(Precision precision);

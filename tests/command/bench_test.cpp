@@ -31,6 +31,7 @@ TEST(Bench, RefusesWhatItCannotMeasure) {
   EXPECT_EQ(run_command({"bench", "--model-forward", "--points", "5"}).status, 2);
   EXPECT_EQ(run_command({"bench", "--model-forward", "--pairs", "0"}).status, 2);
   EXPECT_EQ(run_command({"bench", "--model-forward", "--repeats", "0"}).status, 2);
+  EXPECT_EQ(run_command({"bench", "--model-forward", "--profile", "-"}).status, 2);
 }
 
 }  // namespace
