@@ -15,8 +15,7 @@ int main() {
     std::printf("no Vulkan (%s): on the CPU\n", device.error().message.c_str());
     device = bitr::cpu_device();
   }
-  const std::vector<bitr::CloudPair> pairs = {
-      {pair->source, pair->reference}};  // views; nothing is copied yet
+  const std::vector<bitr::CloudPair> pairs = {{pair->source, pair->reference}};  // views
   auto plan = bitr::make_plan(*device, *model, bitr::shape_of(pairs));
   if (!plan) return std::fprintf(stderr, "%s\n", plan.error().message.c_str()), 1;
   const auto assemblies = bitr::assemble(*plan, pairs, {.complete_match = true});
