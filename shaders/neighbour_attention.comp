@@ -6,8 +6,8 @@
 // in  3 index   u32[Q,K]
 // out 4 result  f32[Q,HEADS,V4]
 // spec 0 WORKGROUP=64  1 K≤64  2 HEADS  3 KEY_WIDTH≤1024  4 VALUE_WIDTH≤1024 |
-// grid ceil(Q / 8), HEADS | shared 2.25 KiB
-// loops ≤ K/8 · (D4/4 + 1) + V4/32 · K ≤ 4112 | error: 1e-5 of the largest value | fp32
+// grid ceil(Q / 8), HEADS | shared 4.25 KiB
+// loops ≤ D4/4 + V4/32 · K ≤ 2304 | error: 1e-5 of the largest value | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -21,6 +21,7 @@ layout(constant_id = 4) const uint VALUE_WIDTH = 4;
 
 const uint LANES = 8;    // of a query
 const uint QUERIES = 8;  // of a work group
+const uint EDGES = (K + LANES - 1) / LANES;
 // Of a row: vec4s, and numbers in the last of them.
 const uint D4 = (KEY_WIDTH + 3) / 4, D_REST = KEY_WIDTH - 4 * (D4 - 1);
 const uint V4 = (VALUE_WIDTH + 3) / 4, V_REST = VALUE_WIDTH - 4 * (V4 - 1);
@@ -32,6 +33,7 @@ layout(set = 0, binding = 3) readonly buffer Index { uint index[]; };
 layout(set = 0, binding = 4) writeonly buffer Result { vec4 result[]; };
 layout(push_constant) uniform Push { NeighbourAttentionParameters p; };
 
+shared uint neighbours[QUERIES * 64];
 shared float weights[QUERIES * 64];
 shared float largest[QUERIES * LANES];
 
@@ -39,37 +41,52 @@ void main() {
   const uint query = gl_LocalInvocationID.x / LANES, lane = gl_LocalInvocationID.x % LANES;
   const uint head = gl_WorkGroupID.y;
   const uint row = gl_WorkGroupID.x * QUERIES + query, safe_row = min(row, p.rows - 1);
-  const uint first_weight = query * K;
+  const uint first_edge = query * K;
 
+  // Every eighth edge is this invocation's; beyond the last one it looks at the last one and writes nothing.
+  const uint q = (safe_row * HEADS + head) * D4;
+  uint k[EDGES];
+  vec4 products[EDGES];
+  [[unroll]] for (uint e = 0; e < EDGES; ++e) {
+    const uint j = e * LANES + lane;
+    const uint neighbour = index[safe_row * K + min(j, K - 1)];
+    if (j < K) neighbours[first_edge + j] = neighbour;
+    k[e] = (neighbour * HEADS + head) * D4;
+    products[e] = vec4(0);
+  }
+  for (uint i = 0; i + 1 < D4; ++i) {
+    const vec4 part = queries[q + i];
+    [[unroll]] for (uint e = 0; e < EDGES; ++e) products[e] += part * keys[k[e] + i];
+  }
+  // What pads a row may be anything, even not a number.
+  const vec4 a = queries[q + D4 - 1];
   float greatest = uintBitsToFloat(0xff800000u);
-  for (uint j = lane; j < K; j += LANES) {
-    const uint q = (safe_row * HEADS + head) * D4, k = (index[safe_row * K + j] * HEADS + head) * D4;
-    vec4 sum = vec4(0);
-    for (uint i = 0; i + 1 < D4; ++i) sum += queries[q + i] * keys[k + i];
-    // What pads a row may be anything, even not a number.
-    const vec4 a = queries[q + D4 - 1], b = keys[k + D4 - 1];
-    sum.x += a.x * b.x;
-    if (D_REST > 1) sum.y += a.y * b.y;
-    if (D_REST > 2) sum.z += a.z * b.z;
-    if (D_REST > 3) sum.w += a.w * b.w;
-    const float logit = p.scale * ((sum.x + sum.y) + (sum.z + sum.w));
-    weights[first_weight + j] = logit;
-    greatest = max(greatest, logit);
+  float logit[EDGES];
+  [[unroll]] for (uint e = 0; e < EDGES; ++e) {
+    const vec4 b = keys[k[e] + D4 - 1];
+    products[e].x += a.x * b.x;
+    if (D_REST > 1) products[e].y += a.y * b.y;
+    if (D_REST > 2) products[e].z += a.z * b.z;
+    if (D_REST > 3) products[e].w += a.w * b.w;
+    logit[e] = p.scale * ((products[e].x + products[e].y) + (products[e].z + products[e].w));
+    greatest = max(greatest, logit[e]);
   }
   largest[gl_LocalInvocationID.x] = greatest;
   barrier();
 
   [[unroll]] for (uint i = 0; i < LANES; ++i) greatest = max(greatest, largest[query * LANES + i]);
-  for (uint j = lane; j < K; j += LANES)
-    weights[first_weight + j] = exp(weights[first_weight + j] - greatest);
+  [[unroll]] for (uint e = 0; e < EDGES; ++e) {
+    const uint j = e * LANES + lane;
+    if (j < K) weights[first_edge + j] = exp(logit[e] - greatest);
+  }
   barrier();
 
   for (uint column = lane; column < V4; column += LANES) {
     vec4 sum = vec4(0);
     float total = 0.0;
     for (uint j = 0; j < K; ++j) {
-      const float weight = weights[first_weight + j];
-      sum += weight * values[(index[safe_row * K + j] * HEADS + head) * V4 + column];
+      const float weight = weights[first_edge + j];
+      sum += weight * values[(neighbours[first_edge + j] * HEADS + head) * V4 + column];
       total += weight;
     }
     if (column + 1 == V4) {
