@@ -46,7 +46,6 @@ class KeptKernel {
 };
 
 // ---- Nearest neighbours
-// -------------------------------------------------------------------------------------
 
 struct KnnShape {
   int k = 24;   ///< neighbours of a point, 1 … 64
@@ -64,7 +63,8 @@ struct Segments {
 
 /// Exact nearest neighbours by Euclidean distance: for every query k rows of the references, all of the
 /// query's segment, ascending by distance and equally far ones by row. Distances are sums of squared
-/// differences, axis by axis in T, nothing fused: ties are the same on every device.
+/// differences, axis by axis in T, nothing fused: ties are the same on every device, unless a square is too
+/// small for T (below 1e-38 in float).
 /// More errors: `invalid_argument` for a segment with queries but too few references, which it names, and for
 /// a coordinate that is not finite or beyond 1e18 (1e150 in double), whose square would be infinite.
 template <Real T = float>
@@ -74,8 +74,8 @@ class KnnKernel : public KeptKernel {
   /// Neighbours of every point among the others of its segment, of which there are at least k: a point is not
   /// its own neighbour, but one at the same place is. index: [points, k].
   Result<void> run(const Segments<T>& points, std::span<std::uint32_t> index);
-  /// Neighbours of queries among other points: as many segments, the same number of each belonging together,
-  /// with at least k references where there is a query. index: [queries, k].
+  /// Neighbours of points among others: segment s of the queries looks in segment s of the references. There
+  /// are as many of both, and at least k references wherever there is a query. index: [queries, k].
   Result<void> run(const Segments<T>& queries, const Segments<T>& references, std::span<std::uint32_t> index);
 };
 
@@ -89,7 +89,6 @@ Result<std::vector<std::uint32_t>> knn(const Device& device, const KnnShape& sha
                                        const Segments<T>& queries, const Segments<T>& references);
 
 // ---- Clebsch–Gordan products
-// --------------------------------------------------------------------------------
 
 /// How a feature of (2p+1)(2q+1) numbers turns: rotations (R₁, R₂) act on it as D^p(R₁) ⊗ D^q(R₂), p's index
 /// slow. {l} is an ordinary feature of degree l under one rotation. The basis of a degree is that of the real
@@ -117,13 +116,12 @@ struct CgProductInput {
 };
 
 /// Of every channel's features a and b the part of a ⊗ b that turns as degree `out`:
-///   out_m = Σ_ij Q[(i, j), m] a_i b_j,
-/// Q the orthonormal columns of the Clebsch–Gordan matrix that belong to D^out (for both sides, the product
-/// of two such): 1 ⊗ 1 → 0 is −a·b/√3, 1 ⊗ 1 → 1 is a×b/√2. For all rotations,
-/// turning a and b turns out. Along edges, edge (n, j) takes a of row index[n, j] and its own b, as a
-/// convolution's messages do.
-/// Result: [P, channels, dim of out], along edges [Q, k, channels, dim of out]. Error in float: 1e-6 of the
-/// largest Σ_ij |Q a b|.
+///   out_m = Σ_ij Q[(i, j), m] a_i b_j
+/// with Q the orthonormal columns of the Clebsch–Gordan matrix that belong to D^out (Racah's formula); on
+/// both sides, the product of two such. 1 ⊗ 1 → 0 is −a·b/√3, 1 ⊗ 1 → 1 is a×b/√2. Under all rotations,
+/// turning a and b turns out. Along edges, edge (n, j) takes the a of row index[n, j] and a b of its own, as
+/// the messages of an equivariant convolution do. Result: [P, channels, dim of out], along edges [Q, k,
+/// channels, dim of out]. Error in float: 1e-6 of the largest Σ_ij |Q a b|.
 template <Real T = float>
 class CgProductKernel : public KeptKernel {
  public:
@@ -138,7 +136,6 @@ Result<std::vector<T>> cg_product(const Device& device, const CgProductShape& sh
                                   const CgProductInput<T>& input);
 
 // ---- Attention over neighbour lists
-// -------------------------------------------------------------------------
 
 struct AttentionShape {
   int heads = 1;        ///< 1 … 64; they do not see each other
@@ -156,7 +153,8 @@ struct AttentionInput {
   std::span<const std::uint32_t> index;  ///< [Q, k], each query's neighbours: rows of keys and values
 };
 
-/// Every query attends to its own neighbours, with e_j = scale · ⟨query, key_j⟩:
+/// Every query attends to its own neighbours, with e_j = scale · ⟨query, key_j⟩ (as in the SE(3)-Transformer,
+/// NeurIPS 2020, whose keys and values come from products like the above):
 ///   out = Σ_j softmax_j(e) value_j
 /// Keys and values that belong to edges and not to points are rows like any other: P = Q·k, index 0, 1, 2, …
 /// Result: [Q, heads, V]. Error in float: 1e-5 of the largest |value| where |e| ≤ 30 and D ≤ 256; it grows
