@@ -1,3 +1,0 @@
-#version 450
-layout(local_size_x_id = 0) in;
-void main() {}
