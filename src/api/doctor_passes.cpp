@@ -22,6 +22,7 @@ T checked(Result<T> result) {
 
 std::vector<Assembly> solve(Plan& plan, const std::vector<RandomPair>& pairs) {
   std::vector<CloudPair> views;
+  views.reserve(pairs.size());
   for (const RandomPair& pair : pairs) views.push_back(pair.view());
   return checked(assemble(plan, views, {.diagnostics = false}));
 }
