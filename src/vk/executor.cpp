@@ -55,7 +55,11 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
       schedule_(context_->capabilities().groups),
       host_schedule_(context_->capabilities().groups),
       recorder_(*context_),
-      host_recorder_(*context_) {
+      host_recorder_(*context_),
+      milliseconds_(graph_.nodes.size()),
+      starts_(graph_.nodes.size()),
+      timestamps_(*context_, graph_.nodes.size()),
+      commands_(*context_) {
   for (graph::Node& node : graph_.nodes) {
     Site site{*context_, {}, {}, largest_};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
@@ -69,41 +73,6 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
   }
   allocate();
 
-  const DeviceFunctions& vk = context_->vk();
-  const VkCommandPoolCreateInfo pool{.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO,
-                                     .pNext = nullptr,
-                                     .flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT,
-                                     .queueFamilyIndex = context_->queue_family()};
-  check(vk.CreateCommandPool(context_->device(), &pool, context_->allocation(), &pool_),
-        "vkCreateCommandPool");
-  const VkSemaphoreTypeCreateInfo timeline{.sType = VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO,
-                                           .pNext = nullptr,
-                                           .semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE,
-                                           .initialValue = 0};
-  const VkSemaphoreCreateInfo semaphore{
-      .sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, .pNext = &timeline, .flags = 0};
-  check(vk.CreateSemaphore(context_->device(), &semaphore, context_->allocation(), &semaphore_),
-        "vkCreateSemaphore");
-  if (context_->capabilities().timestamp_bits > 0) {
-    const VkQueryPoolCreateInfo queries{.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
-                                        .pNext = nullptr,
-                                        .flags = 0,
-                                        .queryType = VK_QUERY_TYPE_TIMESTAMP,
-                                        .queryCount = 2 * static_cast<std::uint32_t>(graph_.nodes.size()),
-                                        .pipelineStatistics = 0};
-    check(vk.CreateQueryPool(context_->device(), &queries, context_->allocation(), &timestamps_),
-          "vkCreateQueryPool");
-  }
-  milliseconds_.resize(graph_.nodes.size());
-  starts_.resize(graph_.nodes.size());
-  ticks_.resize(2 * graph_.nodes.size());
-  const VkCommandBufferAllocateInfo copies{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
-                                           .pNext = nullptr,
-                                           .commandPool = pool_,
-                                           .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY,
-                                           .commandBufferCount = 1};
-  check(vk.AllocateCommandBuffers(context_->device(), &copies, &copy_commands_), "vkAllocateCommandBuffers");
-
   // Constants never change: they go to the device now.
   if (constant_buffer_.size() > 0) {
     Buffer upload(*context_, constant_buffer_.size(), true);
@@ -111,21 +80,14 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
       if (const auto& numbers = kernels_[i]->constants(); !numbers.empty())
         std::memcpy(upload.data() + constants_[i].offset, numbers.data(),
                     numbers.size() * sizeof(std::uint32_t));
-    copy_now({upload.handle(), 0, upload.size()}, {constant_buffer_.handle(), 0, upload.size()});
+    commands_.copy({upload.handle(), 0, upload.size()}, {constant_buffer_.handle(), 0, upload.size()});
   }
   if (options_.guard_bytes > 0) {
     Buffer pattern(*context_, arena_.size(), true);
     std::fill_n(reinterpret_cast<std::uint32_t*>(pattern.data()), arena_.size() / sizeof(guard_pattern),
                 guard_pattern);
-    copy_now({pattern.handle(), 0, pattern.size()}, {arena_.handle(), 0, pattern.size()});
+    commands_.copy({pattern.handle(), 0, pattern.size()}, {arena_.handle(), 0, pattern.size()});
   }
-}
-
-Executor::~Executor() {
-  const DeviceFunctions& vk = context_->vk();
-  if (timestamps_) vk.DestroyQueryPool(context_->device(), timestamps_, context_->allocation());
-  if (semaphore_) vk.DestroySemaphore(context_->device(), semaphore_, context_->allocation());
-  if (pool_) vk.DestroyCommandPool(context_->device(), pool_, context_->allocation());
 }
 
 void Executor::find_inputs() {
@@ -315,32 +277,16 @@ void Executor::record_all() {
     cost += works[w].cost;
   }
   submissions_.push_back({VK_NULL_HANDLE, begin, works.size()});
-  if (const std::size_t had = buffers_.size(); had < submissions_.size()) {
-    buffers_.resize(submissions_.size());
-    const VkCommandBufferAllocateInfo allocate{
-        .sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO,
-        .pNext = nullptr,
-        .commandPool = pool_,
-        .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY,
-        .commandBufferCount = static_cast<std::uint32_t>(buffers_.size() - had)};
-    check(vk.AllocateCommandBuffers(context_->device(), &allocate, buffers_.data() + had),
-          "vkAllocateCommandBuffers");
-  }
+  const auto& buffers = commands_.buffers(submissions_.size());
   recorder_.bind(schedule_);
   recorder_.restart();
   for (std::size_t i = 0; i < submissions_.size(); ++i) {
     Submission& submission = submissions_[i];
-    submission.commands = buffers_[i];
-    const VkCommandBufferBeginInfo info{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
-                                        .pNext = nullptr,
-                                        .flags = 0,
-                                        .pInheritanceInfo = nullptr};
-    check(vk.BeginCommandBuffer(submission.commands, &info), "vkBeginCommandBuffer");
-    if (timestamps_ && i == 0)
-      vk.CmdResetQueryPool(submission.commands, timestamps_, 0,
-                           2 * static_cast<std::uint32_t>(kernels_.size()));
+    submission.commands = buffers[i];
+    commands_.begin(submission.commands);
+    if (i == 0) timestamps_.reset(submission.commands);
     recorder_.record(submission.commands, schedule_, submission.begin, submission.end,
-                     {options_.barriers, options_.shuffle ? VK_NULL_HANDLE : timestamps_});
+                     {options_.barriers, options_.shuffle ? VK_NULL_HANDLE : timestamps_.pool()});
     if (i + 1 == submissions_.size()) {
       const VkMemoryBarrier to_host{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
                                     .pNext = nullptr,
@@ -349,7 +295,7 @@ void Executor::record_all() {
       vk.CmdPipelineBarrier(submission.commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT,
                             0, 1, &to_host, 0, nullptr, 0, nullptr);
     }
-    check(vk.EndCommandBuffer(submission.commands), "vkEndCommandBuffer");
+    commands_.end(submission.commands);
   }
   counters_ = recorder_.counters();
   counters_.submissions = submissions_.size();
@@ -360,66 +306,20 @@ float* Executor::input(TensorId id) const {
   return reinterpret_cast<float*>(staging_.data() + input_offset_.at(static_cast<std::size_t>(at)));
 }
 
-void Executor::submit(VkCommandBuffer commands, const char* last) {
+void Executor::run() {
+  const char* last = "none";
   try {
-    context_->submit(commands, semaphore_, ++signalled_);
+    for (const Submission& submission : submissions_) {
+      for (std::size_t w = submission.begin; w < submission.end; ++w)
+        if (schedule_.works()[w].pipeline) last = schedule_.works()[w].name();
+      commands_.submit(submission.commands);
+    }
+    commands_.wait();
   } catch (const Failure& failure) {
     throw Failure(failure.error().code, failure.error().message + "; last dispatched kernel: " + last);
   }
-}
-
-void Executor::run() {
-  const char* last = "none";
-  for (const Submission& submission : submissions_) {
-    for (std::size_t w = submission.begin; w < submission.end; ++w)
-      if (schedule_.works()[w].pipeline) last = schedule_.works()[w].name();
-    submit(submission.commands, last);
-    try {
-      if (&submission == &submissions_.back()) context_->wait(semaphore_, signalled_);
-    } catch (const Failure& failure) {
-      throw Failure(failure.error().code, failure.error().message + "; last dispatched kernel: " + last);
-    }
-  }
-  read_timestamps();
-}
-
-void Executor::read_timestamps() {
-  if (!timestamps_ || options_.shuffle) return;
-  const VkResult result = context_->vk().GetQueryPoolResults(
-      context_->device(), timestamps_, 0, static_cast<std::uint32_t>(ticks_.size()),
-      ticks_.size() * sizeof(std::uint64_t), ticks_.data(), sizeof(std::uint64_t),
-      VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
-  check(result, "vkGetQueryPoolResults");
-  const Capabilities& c = context_->capabilities();
-  const std::uint64_t mask = c.timestamp_bits >= 64 ? ~0ull : (1ull << c.timestamp_bits) - 1;
-  const auto since = [&](std::uint64_t later, std::uint64_t earlier) {
-    return static_cast<double>((later - earlier) & mask) * static_cast<double>(c.timestamp_period) * 1e-6;
-  };
-  for (std::size_t n = 0; n < kernels_.size(); ++n) {
-    milliseconds_[n] = since(ticks_[2 * n + 1], ticks_[2 * n]);
-    starts_[n] = since(ticks_[2 * n], ticks_[0]);
-  }
-}
-
-void Executor::copy_now(const Range& from, const Range& to) const {
-  const DeviceFunctions& vk = context_->vk();
-  const VkCommandBufferBeginInfo info{.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO,
-                                      .pNext = nullptr,
-                                      .flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT,
-                                      .pInheritanceInfo = nullptr};
-  check(vk.BeginCommandBuffer(copy_commands_, &info), "vkBeginCommandBuffer");
-  const VkBufferCopy region{from.offset, to.offset, from.size};
-  vk.CmdCopyBuffer(copy_commands_, from.buffer, to.buffer, 1, &region);
-  const VkMemoryBarrier barrier{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
-                                .pNext = nullptr,
-                                .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
-                                .dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_MEMORY_READ_BIT};
-  vk.CmdPipelineBarrier(copy_commands_, VK_PIPELINE_STAGE_TRANSFER_BIT,
-                        VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &barrier, 0,
-                        nullptr, 0, nullptr);
-  check(vk.EndCommandBuffer(copy_commands_), "vkEndCommandBuffer");
-  context_->submit(copy_commands_, semaphore_, ++signalled_);
-  context_->wait(semaphore_, signalled_);
+  // Shuffled work has no order of nodes to measure.
+  if (!options_.shuffle) timestamps_.read(milliseconds_, starts_);
 }
 
 std::vector<std::byte> Executor::read(TensorId id) const {
@@ -431,7 +331,7 @@ std::vector<std::byte> Executor::read(TensorId id) const {
     return {readback_.data() + at, readback_.data() + at + range.size};
   }
   const Buffer host(*context_, range.size, true);
-  copy_now(range, {host.handle(), 0, range.size});
+  commands_.copy(range, {host.handle(), 0, range.size});
   return {host.data(), host.data() + range.size};
 }
 
@@ -455,7 +355,7 @@ std::vector<std::uint32_t> Executor::indices(TensorId id) const {
 
 bool Executor::guards_hold() const {
   const Buffer host(*context_, arena_.size(), true);
-  copy_now({arena_.handle(), 0, arena_.size()}, {host.handle(), 0, arena_.size()});
+  commands_.copy({arena_.handle(), 0, arena_.size()}, {host.handle(), 0, arena_.size()});
   std::vector<bool> owned(arena_.size(), false);
   for (const Slot& slot : slots_)
     std::fill_n(owned.begin() + static_cast<std::ptrdiff_t>(slot.range.offset), slot.range.size, true);

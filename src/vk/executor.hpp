@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "graph/memory_plan.hpp"
+#include "vk/commands.hpp"
 #include "vk/host_buffers.hpp"
 #include "vk/kernel.hpp"
 
@@ -35,7 +36,6 @@ class Executor {
   /// The same for batches with as many clouds, points and key points as `largest` has.
   Executor(std::shared_ptr<const Context> context, graph::Graph graph, const graph::BatchLayout& largest,
            const ExecutorOptions& options = {});
-  ~Executor();
   Executor(const Executor&) = delete;
   Executor& operator=(const Executor&) = delete;
 
@@ -82,9 +82,6 @@ class Executor {
   void add_tables(Schedule& schedule) const;
   void add_nodes(Schedule& schedule) const;
   void record_all();
-  void submit(VkCommandBuffer commands, const char* last);
-  void read_timestamps();
-  void copy_now(const Range& from, const Range& to) const;
   std::vector<std::byte> read(graph::TensorId id) const;
 
   std::shared_ptr<const Context> context_;
@@ -107,15 +104,10 @@ class Executor {
   Schedule schedule_, host_schedule_;
   Recorder recorder_, host_recorder_;
   Counters counters_;
-  VkCommandPool pool_ = VK_NULL_HANDLE;
-  std::vector<VkCommandBuffer> buffers_;  // as many as were ever needed
-  mutable VkCommandBuffer copy_commands_ = VK_NULL_HANDLE;
-  VkSemaphore semaphore_ = VK_NULL_HANDLE;
-  mutable std::uint64_t signalled_ = 0;
-  VkQueryPool timestamps_ = VK_NULL_HANDLE;
   std::vector<Submission> submissions_;
-  std::vector<std::uint64_t> ticks_;
   std::vector<double> milliseconds_, starts_;
+  Timestamps timestamps_;
+  mutable Commands commands_;  // last: waits for the device before anything else goes
 };
 
 }  // namespace bitr::vk
