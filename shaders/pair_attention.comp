@@ -1,12 +1,14 @@
-// pair_attention.comp: attention over a two-sided layer's messages, and its projected ReLU, a work group per node;
-// see src/ops/pair_attention.hpp.
-// in  0 features f32[B·K,F]   four degrees of IN0 … IN3 channels, padded to F, a multiple of 4
-// in  1 messages f32[E,M]     E = nodes of the run · K edges; [values ; keys] by degree, padded to M
-// in  2 weights  f32[W]       by degree, rows are outputs: query, project, self (if any), planes (if any, not (0,0))
-// out 3 result   f32[B·K,R]   four degrees of OUT0 … OUT3 channels, padded to R
-// spec 0 WORKGROUP=32  1 K≤64  2 HEADS≤64  3–6 IN  7–10 VALUES  11–14 KEYS  15–16 unused  17–20 OUT  21 SELF  22 RELU
-// grid nodes of the run | shared 4 · (K·HEADS + HEADS + keys + values + 2·R) bytes
-// loops ≤ 2·K + (20·KEYS + 9·VALUES)·K + 20·R < 65535 | error: with pair_messages 5e-5 | fp32
+// pair_attention.comp: attention over a two-sided layer's messages, and its projected ReLU, a work group per node; see
+// src/ops/pair_attention.hpp.
+// in  0 features f32[B·KEYS,F]  four degrees of IN0 … IN3 channels, padded to F, a multiple of 4
+// in  1 messages f32[N·K,M]     of the run's N nodes: [values ; keys] by degree; padded to M, a multiple of 4
+// in  2 weights  f32[W]         by degree, rows are outputs: query, project, self (if any), planes (if any, not (0,0))
+// out 3 result   f32[B·KEYS,R]  four degrees of OUT0 … OUT3 channels, padded to R, a multiple of 4
+// spec 0 WORKGROUP=32  1 K≤64  2 HEADS≤64  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17–20 OUT  21 SELF
+//      22 RELU
+// grid N | shared 4·(K·HEADS + HEADS + numbers of keys and values + 2·R) bytes ≤ 16 KiB
+// loops ≤ 2·K·HEADS + (K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + OUT + 10)) / WORKGROUP < 65535
+// error: with pair_messages 5e-5 of the largest output entry | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"

@@ -12,8 +12,8 @@ namespace {
 
 constexpr Access message_bindings[] = {Access::read, Access::read, Access::read,  Access::constant,
                                        Access::read, Access::read, Access::write, Access::write};
-constexpr Access network_bindings[] = {Access::read, Access::read, Access::read,   Access::constant,
-                                       Access::read, Access::read, Access::modify, Access::read};
+constexpr Access network_bindings[] = {Access::read, Access::read, Access::read,  Access::constant,
+                                       Access::read, Access::read, Access::write, Access::read};
 constexpr Access attention_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Shader message_shader{"pair_messages", spirv::pair_messages, message_bindings,
                                 sizeof(PairParameters), 17};

@@ -17,7 +17,7 @@ constexpr std::array<irreps::Degree, 4> pair_degrees = {{{0, 0}, {0, 1}, {1, 0},
 struct PairTables {
   bool linear = false;       ///< values and keys are computed apart
   std::uint32_t tables = 0;  ///< 20, or 40 if so
-  std::uint32_t search = 1;  ///< every table has fewer than 2^search rays
+  std::uint32_t search = 6;  ///< every table has fewer than 2^search rays; the same for most layers
   /// Numbers as the shaders see them, each list padded to multiples of 64.
   std::vector<std::uint32_t> heads, rays, sectors;
 };
