@@ -199,7 +199,8 @@ void Executor::lay_out_tables() {
         table.host_tiles.push_back({s, row, std::min(row + tile_rows, offsets[s + 1]), i});
     table.tiles = place(16 * table.host_tiles.size(), 16 * largest_tile_count(largest_, rows));
     table.offsets = place(4 * offsets.size(), 4 * (largest_.segments(rows) + 1));
-    std::memcpy(staging_.data() + table.tiles.offset, table.host_tiles.data(), table.tiles.size);
+    if (!table.host_tiles.empty())  // not every batch has rows of every kind
+      std::memcpy(staging_.data() + table.tiles.offset, table.host_tiles.data(), table.tiles.size);
     std::memcpy(staging_.data() + table.offsets.offset, offsets.data(), table.offsets.size);
     (rows == Rows::point ? tables_.point
      : rows == Rows::key ? tables_.key
