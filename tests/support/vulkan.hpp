@@ -40,7 +40,9 @@ class ValidationCheck : public testing::Environment {
  public:
   void TearDown() override {
     if (!vulkan()) return;
-    for (const std::string& message : vulkan()->validation_messages()) ADD_FAILURE() << message;
+    for (const std::string& message : vulkan()->validation_messages())
+      // What GPU-assisted validation says of a device without 64-bit integers when it begins.
+      if (message.find("shaderInt64 feature is not available") == std::string::npos) ADD_FAILURE() << message;
   }
 };
 inline testing::Environment* const validation_check = testing::AddGlobalTestEnvironment(new ValidationCheck);
