@@ -8,9 +8,10 @@
 // in  5 sectors   f32[S,4]
 // out 6 messages  f32[N·K,M]     [values ; keys] by degree; padded to M, a multiple of 4
 // out 7 rare      u32[N·K]       1: pair_networks.comp has to answer
-// spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤8  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
+// spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤16  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid ceil(N·K / EDGES) | shared EDGES·(100 + 256·IN4 + 16·TABLES) bytes ≤ 16 KiB
-// loops ≤ EDGES·(8 + IN4 + 2·TABLES + 12·IN4·(VALUES + KEYS)) + TABLES < 65535, as src/vk/pair_attention.cpp sees to
+// loops ≤ TABLES + ⌈EDGES·IN4/8⌉ + ⌈EDGES·TABLES/32⌉·(1 + SEARCH) + 4·⌈EDGES·(VALUES + KEYS)/32⌉·(2 + 24·IN4) < 65535,
+//       as src/vk/pair_attention.cpp sees to
 // error: with the rest of the layer 5e-5 of the largest output entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require

@@ -10,8 +10,8 @@
 // out 6 messages  f32[N·K,M]     [values ; keys] by degree; padded to M, a multiple of 4
 // in  7 rare      u32[N·K]       1: to be answered here
 // spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤32  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
-// grid ceil(N·K / EDGES) | shared 352 + 8·EDGES + 256·IN4 + 148·TABLES + 4·M bytes ≤ 16 KiB
-// loops ≤ EDGES·(30 + 2·IN4 + 60·TABLES + M·(18 + 16·IN4·39)/WORKGROUP) < 65535, as src/vk/pair_attention.cpp sees to
+// grid ceil(N·K / EDGES) | shared 352 + 8·EDGES + 256·IN4 + 156·TABLES + 4·M bytes ≤ 16 KiB
+// loops ≤ EDGES·(8 + 64·IN4 + 40·TABLES + ⌈M/WORKGROUP⌉·(60 + 384·IN4)) < 65535, as src/vk/pair_attention.cpp sees to
 // error: with the rest of the layer 5e-5 of the largest output entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -38,7 +38,7 @@ layout(push_constant) uniform Push { PairParameters p; };
 
 const uint LANES = gl_WorkGroupSize.x;
 const uint WIDTH = 32, QUARTER = WIDTH / 4;  // of the networks' layers: ops::radial_width
-const uint PAIRS = WIDTH / 2 + 1;            // of their last layer's columns
+const uint QUADS = QUARTER + 1;              // of their last layer's columns, four by four
 
 // Where a network's parameters lie from its begin; a row of the second matrix takes a quarter of its width.
 const uint GAIN1 = WIDTH / 2, BIAS1 = GAIN1 + QUARTER, W2 = BIAS1 + QUARTER, C2 = W2 + WIDTH * QUARTER;
@@ -47,11 +47,11 @@ const uint GAIN2 = C2 + QUARTER, BIAS2 = GAIN2 + QUARTER;
 shared uint is_rare[EDGES], list[EDGES];
 shared vec4 axis[6];                 // of both sides
 shared vec4 turned[16 * IN4];        // features in the frames, by component 4·a + b, a and b of 0 | 1 2 3
-shared vec2 factor[PAIRS * TABLES];  // of a table's columns, two by two
+shared vec4 factor[QUADS * TABLES];  // of a table's columns, four by four
 shared uint column[TABLES];          // where they begin
-shared uint pairs[TABLES];           // how many pairs
+shared uint quads[TABLES];           // how many fours
 shared uint network[TABLES];         // the tables whose network has to be evaluated
-shared vec4 hidden[2 * QUARTER];     // of one network: before and after its norm
+shared vec4 hidden[2 * QUARTER];     // of one network: the first layer, activated, and the second, not yet
 shared float message[MESSAGE_COUNT];
 
 #define EXTENT(in, out) ((in) * (out) == 1 ? 3 : 1)
@@ -78,36 +78,35 @@ void turn_features(uint from) {
   }
 }
 
-// The norm and LeakyReLU of unit j of a hidden layer, whose mean is zero already.
-float activated(uint j, uint gain, uint bias, float eps) {
-  float variance = 0.0;
-  for (uint i = 0; i < QUARTER; ++i) variance += dot(hidden[i], hidden[i]) / WIDTH;
-  const float scale = variance + eps > 0.0 ? 1.0 / sqrt(variance + eps) : 0.0;
-  const uint v = j / 4u, lane = j % 4u;
-  return leaky(hidden[v][lane] * scale * sectors[gain + v][lane] + sectors[bias + v][lane]);
+// The norm, from the variance, and LeakyReLU of unit j of a hidden layer, whose mean is zero already.
+float activated(float x, float variance, uint j, uint gain, uint bias) {
+  const float scale = variance > 0.0 ? 1.0 / sqrt(variance) : 0.0;
+  return leaky(x * scale * sectors[gain + j / 4u][j % 4u] + sectors[bias + j / 4u][j % 4u]);
 }
 
 void evaluate_network(uint table, vec2 lengths) {
-  const float eps = uintBitsToFloat(heads[3 * table + 1].w);
+  const vec4 form = uintBitsToFloat(heads[3 * table + 1]);  // of the first variance, and eps
   const uint at = heads[3 * table + 2].x;
   const vec2 r = (heads[3 * table].w & SWAPPED) != 0u ? lengths.yx : lengths;
+  const float first = form.x * r.x * r.x + form.y * r.x * r.y + form.z * r.y * r.y;
   for (uint j = gl_LocalInvocationID.x; j < WIDTH; j += LANES) {
     const vec4 w = sectors[at + j / 2u];
-    hidden[j / 4u][j % 4u] = dot(j % 2u == 0u ? w.xy : w.zw, r);
+    const float x = dot(j % 2u == 0u ? w.xy : w.zw, r);
+    hidden[j / 4u][j % 4u] = activated(x, first + form.w, j, at + GAIN1, at + BIAS1);
   }
-  barrier();
-  for (uint j = gl_LocalInvocationID.x; j < WIDTH; j += LANES)
-    hidden[QUARTER + j / 4u][j % 4u] = activated(j, at + GAIN1, at + BIAS1, eps);
   barrier();
   for (uint j = gl_LocalInvocationID.x; j < WIDTH; j += LANES) {
     float sum = sectors[at + C2 + j / 4u][j % 4u];
-    for (uint i = 0; i < QUARTER; ++i) sum += dot(sectors[at + W2 + j * QUARTER + i], hidden[QUARTER + i]);
-    hidden[j / 4u][j % 4u] = sum;
+    for (uint i = 0; i < QUARTER; ++i) sum += dot(sectors[at + W2 + j * QUARTER + i], hidden[i]);
+    hidden[QUARTER + j / 4u][j % 4u] = sum;
   }
   barrier();
-  for (uint j = gl_LocalInvocationID.x; j < WIDTH; j += LANES)
-    factor[PAIRS * table + j / 2u][j % 2u] = activated(j, at + GAIN2, at + BIAS2, eps);
-  barrier();
+  for (uint j = gl_LocalInvocationID.x; j < WIDTH; j += LANES) {
+    float second = form.w;
+    for (uint i = QUARTER; i < 2u * QUARTER; ++i) second += dot(hidden[i], hidden[i]) / WIDTH;
+    factor[QUADS * table + j / 4u][j % 4u] =
+        activated(hidden[QUARTER + j / 4u][j % 4u], second, j, at + GAIN2, at + BIAS2);
+  }
 }
 
 // One of the two terms that make component `out` of degree P on one side.
@@ -155,9 +154,11 @@ float one_message(int P, int Q, int a, int b, uint o, vec2 norm) {
         vec4 coefficient = vec4(0);
         for (uint t = table0; t < table0 + TABLES_OF(from, to); ++t) {
           const uint at = column[t] + (n2 * freq1 + freq2) * step + c * channels + channel;
-          for (uint pair = 0; pair < pairs[t]; ++pair) {
-            const vec2 x = factor[PAIRS * t + pair];
-            coefficient += x.x * sectors[at + 2u * pair * rows] + x.y * sectors[at + (2u * pair + 1u) * rows];
+          for (uint quad = 0; quad < quads[t]; ++quad) {
+            const vec4 x = factor[QUADS * t + quad];
+            const uint row = at + 4u * quad * rows;
+            coefficient += x.x * sectors[row] + x.y * sectors[row + rows];
+            if (!LINEAR || key) coefficient += x.z * sectors[row + 2u * rows] + x.w * sectors[row + 3u * rows];
           }
         }
         const int component = 4 * (first.degree + first.component) + second.degree + second.component;
@@ -179,23 +180,22 @@ void answer(uint edge) {
   }
   for (uint t = gl_LocalInvocationID.x; t < TABLES; t += LANES) {
     const RadialInput found = radial_input(t, lengths);
-    const bool degree1 = (heads[3 * t].w & DEGREE1) != 0u;
-    factor[PAIRS * t] = found.x.xy;
-    factor[PAIRS * t + 1] = found.x.zw;
-    factor[PAIRS * t + PAIRS - 1] = vec2(1, 0);  // a network's offset
+    factor[QUADS * t] = found.x;
+    factor[QUADS * t + QUADS - 1] = vec4(1, 0, 0, 0);  // a network's offset
     column[t] = found.network ? heads[3 * t + 2].y : found.columns;
-    pairs[t] = found.network ? PAIRS : degree1 ? 1 : 2;
+    quads[t] = found.network ? QUADS : 1;
   }
   barrier();
   turn_features(index[edge]);
   uint count = 0u;
   for (int t = 0; t < TABLES; ++t)
-    if (pairs[t] == PAIRS) {
+    if (quads[t] == QUADS) {
       if (gl_LocalInvocationID.x == 0u) network[count] = t;
       ++count;
     }
   barrier();
   for (uint i = 0; i < count; ++i) evaluate_network(network[i], lengths);
+  barrier();
 
   const vec2 norm = min(lengths / DIRECTION_EPS, 1.0);
   for (int i = int(gl_LocalInvocationID.x); i < MESSAGE_COUNT; i += int(LANES)) {

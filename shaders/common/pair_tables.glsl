@@ -5,7 +5,7 @@
 // rays     2^SEARCH − 1 per table: sin/(cos + sin), ascending
 // sectors  each: the second variance's form (xx xy yy x), (y 1 0 0), if any; then 2 or 4 columns, a column over
 //          (freq, input channels in vec4s, output channels). Networks, each: w1 gain1 bias1 w2 c2 gain2 bias2.
-//          Their last layers: 32 columns, one for the offset and one of zeros
+//          Their last layers: 32 columns, one for the offset and three of zeros
 const uint SWAPPED = 1u, DEGREE1 = 2u;
 
 struct RadialInput {

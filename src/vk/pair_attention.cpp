@@ -42,6 +42,8 @@ class PairAttentionKernel : public Kernel {
       for (const irreps::Degree d : pair_degrees)
         if (fiber->channels(d) < 1 || fiber->degrees() != pair_degrees.size())
           throw Failure(ErrorCode::unsupported, "a two-sided layer needs the four degrees up to (1, 1)");
+    require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
+                        number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
     tables_ = pack_pair_tables(op);
     heads_ = add(tables_.heads);
     rays_ = add(tables_.rays);
@@ -53,8 +55,6 @@ class PairAttentionKernel : public Kernel {
                                                 std::to_string(capabilities_.storage_range));
     choose_message_edges();
     choose_network_edges();
-    require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
-                        number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
     make_pipelines(site.context);
     tables_ = {};
   }
@@ -110,7 +110,7 @@ class PairAttentionKernel : public Kernel {
                           rounds(tables_.tables * message_edges_, work_group) * (1 + tables_.search);
       for (const irreps::Degree d : pair_degrees)
         all += rounds(number(messages_.channels(d)) * message_edges_, work_group) *
-               (1 + 8 * in * number(1 + d.p));
+               (2 + 12 * in * number(1 + d.p));
       return all;
     };
     while (message_edges_ > 1 && loops() >= capabilities_.loop_limit) --message_edges_;
@@ -121,10 +121,10 @@ class PairAttentionKernel : public Kernel {
 
   void choose_network_edges() {
     const std::uint32_t in = in_vectors(), messages = number(messages_.size());
-    const std::uint32_t bytes = 352 + 256 * in + 148 * tables_.tables + 4 * messages;
+    const std::uint32_t bytes = 352 + 256 * in + 156 * tables_.tables + 4 * messages;
     require_shared(bytes + 8);
     const auto loops = [&] {
-      return 5 + 64 * in + 32 * tables_.tables + rounds(messages, network_lanes_) * (50 + 592 * in);
+      return 8 + 64 * in + 40 * tables_.tables + rounds(messages, network_lanes_) * (60 + 384 * in);
     };
     if (loops() >= capabilities_.loop_limit) network_lanes_ = wide_work_group;
     if (loops() >= capabilities_.loop_limit)
