@@ -1,5 +1,5 @@
 // knn_tree.comp: exact k nearest neighbours of every point within its cloud, for large clouds: the query's own block
-// first, then every node whose box the k-th distance reaches. Queries go along the Morton curve, so that neighbouring
+// and its neighbours first, then every node whose box the k-th distance reaches. Queries go along the Morton curve, so that neighbouring
 // invocations walk the same nodes; with subgroups they walk together, and candidates travel by shuffle.
 // in  0 sorted  u32[P,4]      xyz as bits, the point's row
 // in  1 tiles   u32[tiles,4]
@@ -86,8 +86,9 @@ void main() {
     ++top;
   }
 
-  // Rows still to look at in the block at hand; the walk goes on when there are none.
-  uint base = tile.y, block_end = tile.z;
+  // Rows still to look at; the walk goes on when there are none. First the query's block and those beside it, which
+  // leaves the walk a short reach.
+  uint base = max(tile.y, begin + BLOCK) - BLOCK, block_end = min(tile.z + BLOCK, end);
   uint level = top, node = 0;
   uint steps = 0, insertions = 0;
   for (; steps < MOST_LOOPS; ++steps) {
@@ -108,7 +109,7 @@ void main() {
         node *= 8;
         continue;
       }
-      if (reached && node != tile.w) {
+      if (reached && (node + 1 < tile.w || node > tile.w + 1)) {
         base = begin + node * BLOCK;
         block_end = min(base + BLOCK, end);
       }

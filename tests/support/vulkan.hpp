@@ -18,7 +18,8 @@ namespace bitr::test {
 /// BITR_VALIDATE=core|sync|gpu puts the validation layers in between; the program then fails if they
 /// complain. Null where there is no Vulkan.
 inline const std::shared_ptr<vk::Context>& vulkan() {
-  static const std::shared_ptr<vk::Context> context = []() -> std::shared_ptr<vk::Context> {
+  // Never destroyed: drivers that are unloaded look leaky to sanitizers.
+  static const auto& context = *new std::shared_ptr<vk::Context>([]() -> std::shared_ptr<vk::Context> {
     const char* text = std::getenv("BITR_VALIDATE");
     const std::string validate = text ? text : "";
     vk::OwnDevice wanted;
@@ -31,7 +32,7 @@ inline const std::shared_ptr<vk::Context>& vulkan() {
       if (failure.error().code == ErrorCode::no_device) return nullptr;
       throw;
     }
-  }();
+  }());
   return context;
 }
 
