@@ -2,6 +2,7 @@
 #include <atomic>
 #include <thread>
 
+#include "support/golden.hpp"
 #include "vk/count_new.hpp"
 #include "vk/network.hpp"
 
@@ -92,6 +93,20 @@ TEST(Executor, ThreadsShareADevice) {
   work(0);
   other.join();
   EXPECT_EQ(wrong, 0);
+}
+
+// More rows than a grid has work groups along an axis on many devices, and neighbours through the tree.
+TEST(Executor, SeventyThousandPoints) {
+  BITR_NEEDS_VULKAN();
+  const VulkanNetwork network({{70001, 300}});
+  vk::Executor executor(test::vulkan(), network.graph, network.capacity());
+  const auto pose = network.run(executor);
+  cpu::Executor<double> truth(network.graph, false);
+  cpu::ThreadPool pool(2);
+  network.batch.run(truth, network.config.num_key_points, pool);
+  const double* expected = truth.data(truth.graph().pose);
+  EXPECT_LE(rotation_error_degrees(test::pose_of(pose.data()), test::pose_of(expected)), 0.05);
+  for (int i = 9; i < 12; ++i) EXPECT_NEAR(pose[i], expected[i], 1e-3);
 }
 
 TEST(Executor, TimestampsAreInOrder) {
