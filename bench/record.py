@@ -20,7 +20,6 @@ from pathlib import Path
 RESULTS = Path(__file__).resolve().parent / "results"
 COLUMNS = ("recorded", "Vulkan device", "kNN at 1024, Gpair/s", "dispatch, µs", "pair, ms", "16 pairs, ms each",
            "on the CPU, ms", "ceilings of the device", "of the CPU", "conditions")
-TIMES = ("real_time", "cpu_time")
 
 
 def real_time_priority():
@@ -30,6 +29,13 @@ def real_time_priority():
         return prefix if subprocess.run([*prefix, "true"], capture_output=True).returncode == 0 else []
     except FileNotFoundError:
         return []
+
+
+def commit():
+    """Of the sources here, which the build is taken to be of; "-dirty" if they are changed."""
+    command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
+    done = subprocess.run(command, cwd=RESULTS, capture_output=True, text=True)
+    return done.stdout.strip() or "unknown"
 
 
 def measure(args, prefix):
@@ -72,16 +78,19 @@ def table_row(context, rows, file, note):
                 return row[counter]
         return None
 
-    def cell(number, digits=2, factor=1.0):
-        return "–" if number is None else f"{number * factor:.{digits}f}"
+    def cell(number, digits=2, factor=1.0, target=None):
+        if number is None:
+            return "–"
+        return f"{number * factor:.{digits}f}" + (f" ({number * factor / target:.2f} of {target:g})" if target else "")
 
     def ceilings(backend):
         return (f"{cell(value(f'ceiling/arithmetic/{backend}', 'GFLOP/s'), 0)} GFLOP/s, "
                 f"{cell(value(f'ceiling/memory/{backend}', 'GB/s'), 1)} GB/s")
 
     return (f"[{context['date'][:10]}]({file.name})", f"{context.get('device', 'none')}; {context.get('driver', '')}",
-            cell(value("knn/graph.index/1024x1/vulkan", "GFLOP/s"), 2, 1 / 8),  # 8 operations a pair of points
-            cell(value("dispatch/after_barrier/vulkan", "us_per_dispatch"), 1), cell(value("model/1024x1/vulkan"), 1),
+            cell(value("knn/graph.index/1024x1/vulkan", "GFLOP/s"), 2, 1 / 8, 0.55),  # 8 operations a pair of points
+            cell(value("dispatch/after_barrier/vulkan", "us_per_dispatch"), 1, 1, 10),
+            cell(value("model/1024x1/vulkan"), 1, 1, 40),
             cell(value("model/1024x16/vulkan"), 1, 1 / 16), cell(value("model/1024x1/cpu"), 1), ceilings("vulkan"),
             f"{context['processor']}, {context['threads']} threads: {ceilings('cpu')}", note)
 
@@ -105,13 +114,14 @@ def main():
     parser.add_argument("more", nargs="*", help="further options of bitr_bench, after --")
     args = parser.parse_args()
 
-    prefix = real_time_priority()
+    prefix, sources = real_time_priority(), commit()
     devices = subprocess.run([args.build / "bitr", "devices", "--json"], capture_output=True, text=True, check=True)
     document = measure(args, prefix)
     context = document["context"]
     for key in ("executable", "host_name"):
         context.pop(key, None)
-    context |= {"devices": json.loads(devices.stdout)["devices"], "priority": " ".join(prefix) or "normal"}
+    context |= {"commit": sources, "devices": json.loads(devices.stdout)["devices"],
+                "priority": " ".join(prefix) or "normal"}
     rows = list(medians(document))
 
     device = context.get("device", "cpu").split("(")[0].strip()
@@ -121,7 +131,8 @@ def main():
     file.write_text('{\n "context": ' + json.dumps(context, indent=2, ensure_ascii=False).replace("\n", "\n ") +
                     ',\n "benchmarks": [\n  ' + lines + "\n ]\n}\n", encoding="utf-8")
     load = ", ".join(f"{x:.1f}" for x in context.get("load_avg", []))
-    note = "; ".join(filter(None, [args.note, f"load {load}", f"median of {args.repetitions}", " ".join(prefix)]))
+    conditions = [sources, args.note, f"load {load}", f"median of {args.repetitions}", " ".join(prefix)]
+    note = "; ".join(filter(None, conditions))
     write_table(table_row(context, {row["run_name"]: row for row in rows}, file, note), file)
     failed = [row["run_name"] for row in rows if row.get("error_occurred")]
     print(f"{file}: {len(rows)} benchmarks" + (f", failed: {', '.join(failed)}" if failed else ""))
