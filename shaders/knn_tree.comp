@@ -6,7 +6,7 @@
 // in  2 offsets u32[clouds+1]
 // in  3 boxes   f32[nodes,8]  low corner, 0, high corner, 0
 // out 4 index   u32[P,K]      ascending (distance, index); ties → lower index
-// mod 5 points  f32[P,4]      made non-finite where the search gave up, so that no result survives it
+// out 5 points  f32[P,4]      made non-finite where the search gave up, so that no result survives it
 // spec 0 WORKGROUP=32  1 K≤64 | grid tiles | shared 0 KiB
 // loops ≤ 3·MOST_LOOPS + 8 = 60008 < 65535 | error: indices equal to cpu/knn | fp32
 #version 450

@@ -5,7 +5,7 @@
 // in  2 offsets u32[clouds+1]
 // in  3 grids   f32[clouds,8]
 // mod 4 cells   u32[P·CELLS_PER_POINT]
-// out 5 sorted  f32[P,4]  xyz, the point's row as bits
+// out 5 sorted  u32[P,4]  xyz as bits, the point's row
 // spec 0 WORKGROUP=32 | grid tiles | shared 0 KiB
 // loops none | error: none | fp32
 #version 450

@@ -15,27 +15,27 @@
 namespace bitr::vk {
 namespace {
 
-using enum Access;
-
-constexpr Access bounds_bindings[] = {read, read, write};
+constexpr Access bounds_bindings[] = {Access::read, Access::read, Access::write};
 constexpr Shader bounds_shader{"knn_tree_bounds", spirv::knn_tree_bounds, bounds_bindings, 0, 1};
-constexpr Access clear_bindings[] = {read, write};
+constexpr Access clear_bindings[] = {Access::read, Access::write};
 constexpr Shader clear_shader{"knn_tree_clear", spirv::knn_tree_clear, clear_bindings, sizeof(TileParameters),
                               1};
-constexpr Access count_bindings[] = {read, read, read, read, modify};
+constexpr Access count_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::modify};
 constexpr Shader count_shader{"knn_tree_count", spirv::knn_tree_count, count_bindings, sizeof(TileParameters),
                               1};
-constexpr Access scan_bindings[] = {read, read, modify};
+constexpr Access scan_bindings[] = {Access::read, Access::read, Access::modify};
 constexpr Shader scan_shader{"knn_tree_scan", spirv::knn_tree_scan, scan_bindings, 0, 1};
-constexpr Access scatter_bindings[] = {read, read, read, read, modify, write};
+constexpr Access scatter_bindings[] = {Access::read, Access::read,   Access::read,
+                                       Access::read, Access::modify, Access::write};
 constexpr Shader scatter_shader{"knn_tree_scatter", spirv::knn_tree_scatter, scatter_bindings,
                                 sizeof(TileParameters), 1};
-constexpr Access blocks_bindings[] = {read, read, read, write};
+constexpr Access blocks_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Shader blocks_shader{"knn_tree_blocks", spirv::knn_tree_blocks, blocks_bindings,
                                sizeof(TileParameters), 1};
-constexpr Access levels_bindings[] = {read, modify};
+constexpr Access levels_bindings[] = {Access::read, Access::modify};
 constexpr Shader levels_shader{"knn_tree_levels", spirv::knn_tree_levels, levels_bindings, 0, 1};
-constexpr Access search_bindings[] = {read, read, read, read, write, write};
+constexpr Access search_bindings[] = {Access::read, Access::read,  Access::read,
+                                      Access::read, Access::write, Access::write};
 constexpr Shader search_shader{"knn_tree", spirv::knn_tree, search_bindings, sizeof(PointParameters), 2};
 constexpr Shader shuffle_shader{"knn_tree_shuffle", spirv::knn_tree_shuffle, search_bindings,
                                 sizeof(PointParameters), 2};
