@@ -27,8 +27,12 @@ KernelPtr kernel_for(const Site& site, const ops::Op& op) {
       op);
 }
 
-std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row) {
-  const double tiles = most_cost / (cost_per_row * tile_rows);
+std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row,
+                               std::size_t row_bytes) {
+  double tiles = most_cost / (cost_per_row * tile_rows);
+  // A run is bound from a multiple of 64 rows on.
+  if (row_bytes > 0)
+    tiles = std::min(tiles, (static_cast<double>(capabilities.storage_range / row_bytes) - 64) / tile_rows);
   const std::uint32_t most =
       static_cast<std::uint32_t>(std::clamp(tiles, 1.0, static_cast<double>(capabilities.groups)));
   std::vector<TileRun> runs;

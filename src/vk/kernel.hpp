@@ -99,13 +99,15 @@ KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
 /// Throws Failure (`unsupported`) for an operation that only the CPU runs.
 KernelPtr kernel_for(const Site& site, const ops::Op& op);
 
-/// Runs of tiles whose dispatch costs at most the schedule's bound and fits into one axis of the grid.
+/// Runs of tiles whose dispatch costs at most the schedule's bound and fits into one axis of the grid, and
+/// whose rows of `row_bytes` fit into one binding.
 struct TileRun {
   std::uint32_t first, count;
   /// Rows the run touches: from a multiple of 64, so that bindings stay aligned, to past its last.
   std::uint32_t first_row, end_row;
 };
-std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row);
+std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row,
+                               std::size_t row_bytes = 0);
 
 /// The part of an index tensor that a run of tiles touches.
 Range rows_of(const Slot& index, const TileRun& run);

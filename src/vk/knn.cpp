@@ -51,7 +51,8 @@ class KnnKernel : public Kernel {
     const double cost = 3.0 * op_.dim * static_cast<double>(std::min<std::size_t>(largest, most_references_));
     const Slot& index = args.out[0];
     const bool parts = largest > most_references_;
-    for (const TileRun& run : tile_runs(queries, capabilities_, cost))
+    for (const TileRun& run :
+         tile_runs(queries, capabilities_, cost, sizeof(float) * static_cast<std::size_t>(op_.k)))
       for (std::uint32_t first = 0; first < largest; first += most_references_) {
         const Range distances = parts ? rows_of({args.scratch, queries_, op_.k, 1}, run) : args.scratch;
         args.schedule.dispatch(pipeline_,

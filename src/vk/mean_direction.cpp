@@ -34,7 +34,8 @@ class MeanDirectionKernel : public Kernel {
     const Slot &index = args.in[1], &result = args.out[0];
     const RowTable& table = args.tables.of(result.rows);
     const double cost = 20.0 * index.per_row;
-    for (const TileRun& run : tile_runs(table, capabilities_, cost))
+    for (const TileRun& run : tile_runs(table, capabilities_, cost,
+                                        sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))
       args.schedule.dispatch(
           *pipeline_, {args.in[0].range, rows_of(index, run), table.tiles, result.range, args.constants},
           PointParameters{run.first, run.first_row}, {run.count, 1, 1}, cost * (run.end_row - run.first_row));

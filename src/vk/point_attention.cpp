@@ -30,7 +30,8 @@ class PointAttentionKernel : public Kernel {
     const RowTable& table = args.tables.of(result.rows);
     // Products and sums of φ, per edge and head.
     const double cost = index.per_row * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
-    for (const TileRun& run : tile_runs(table, capabilities_, cost))
+    for (const TileRun& run : tile_runs(table, capabilities_, cost,
+                                        sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))
       args.schedule.dispatch(
           *pipeline_,
           {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
