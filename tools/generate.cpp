@@ -1,8 +1,10 @@
 // bitr generate: pairs of clouds with a known answer.
+#include <bitr/data.hpp>
 #include <bitr/generate.hpp>
 #include <bitr/io.hpp>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "command.hpp"
 #include "options.hpp"
@@ -11,10 +13,13 @@
 namespace bitr::tool {
 namespace {
 
+constexpr std::string_view crops = "crops";
+
 struct Options {
-  std::string kind, folder;
+  std::string kind, folder, shapes;
   io::PlyEncoding encoding = io::PlyEncoding::binary_little_endian;
   std::uint64_t count = 1, seed = 0, points = 2048;
+  bool share_given = false;
   GenerateOptions pair;
 };
 
@@ -24,25 +29,108 @@ std::string numbered(const std::string& kind, std::uint64_t index) {
   return kind + "_" + digits;
 }
 
-Json truth_json(const GeneratedPair& pair, const std::string& kind, const std::string& name,
-                const GenerateOptions& options) {
-  return {{"kind", kind},
-          {"seed", options.seed},
-          {"points", options.points},
-          {"noise", options.noise},
-          {"roughness", options.roughness},
-          {"source", name + "_source.ply"},
-          {"reference", name + "_reference.ply"},
-          {"T_reference_source", matrix_json(pair.T_reference_source)}};
+struct Made {
+  GeneratedPair pair;
+  std::string shape = {};  ///< its file, if it is of one
+};
+
+/// Makes pair after pair: of a kind, or of the shapes in a folder.
+class Maker {
+ public:
+  static Result<Maker> open(const Options& options) {
+    Maker maker(options);
+    if (options.kind != crops) return maker;
+    DataOptions data;
+    data.parts.push_back({.folder = options.shapes,
+                          .protocol = options.pair.protocol,
+                          .share_low = options.pair.share,
+                          .share_high = options.pair.share});
+    data.points_low = data.points_high = options.points;
+    data.noise = options.pair.noise;
+    data.seed = options.seed;
+    data.normals = false;
+    auto opened = DataSet::open(data);
+    if (!opened) return tl::unexpected(opened.error());
+    maker.data_ = std::move(*opened);
+    return maker;
+  }
+
+  Result<Made> make(std::uint64_t index) const {
+    if (data_) {
+      auto sample = data_->sample(index / data_->samples(), index % data_->samples());
+      if (!sample) return tl::unexpected(sample.error());
+      return Made{{std::move(sample->source), std::move(sample->reference), sample->T_reference_source,
+                   sample->T_source_object, sample->overlap, sample->symmetry},
+                  sample->shape};
+    }
+    GenerateOptions options = options_.pair;
+    options.seed = options_.seed + index;
+    auto pair = generate_pair(options_.kind, options);
+    if (!pair) return tl::unexpected(pair.error());
+    return Made{std::move(*pair)};
+  }
+
+  void warn_of_skipped() const {
+    const auto skipped = data_ ? data_->skipped() : std::vector<SkippedShape>{};
+    if (!skipped.empty())
+      warn(std::to_string(skipped.size()) + (skipped.size() == 1 ? " file was" : " files were") +
+           " skipped; " + skipped[0].shape + ": " + skipped[0].reason);
+  }
+
+ private:
+  explicit Maker(const Options& options) : options_(options) {}
+  const Options& options_;
+  std::optional<DataSet> data_;
+};
+
+Json truth_json(const Made& made, const Options& options, std::uint64_t index, const std::string& name) {
+  const GeneratedPair& pair = made.pair;
+  Json json = {{"kind", options.kind}};
+  if (made.shape.empty()) {
+    json["seed"] = options.seed + index;
+  } else {
+    json["seed"] = options.seed;
+    json["sample"] = index;
+    json["shape"] = made.shape;
+  }
+  json["points"] = options.points;
+  json["noise"] = options.pair.noise;
+  if (options.pair.protocol) {
+    json["protocol"] = bitr::name(*options.pair.protocol);
+    json["share"] = options.pair.share;
+  } else {
+    json["roughness"] = options.pair.roughness;
+  }
+  json["overlap"] = pair.overlap;
+  json["symmetry"] = {{"axis", pair.symmetry.axis}, {"order", pair.symmetry.order}};
+  json["source"] = name + "_source.ply";
+  json["reference"] = name + "_reference.ply";
+  json["T_reference_source"] = matrix_json(pair.T_reference_source);
+  json["T_source_object"] = matrix_json(pair.T_source_object);
+  return json;
+}
+
+Result<void> check(const Options& options) {
+  if ((options.kind == crops) != !options.shapes.empty())
+    return fail(ErrorCode::invalid_argument, options.shapes.empty()
+                                                 ? "crops needs --shapes FOLDER to crop from"
+                                                 : "--shapes is for the kind crops only");
+  if (options.share_given && !options.pair.protocol)
+    return fail(ErrorCode::invalid_argument, "--share needs a --protocol");
+  return {};
 }
 
 int run(Options& options) {
   options.pair.points = options.points;
+  const bool cropped_anyway = options.kind == crops || options.kind == "aircraft";
+  if (cropped_anyway && !options.pair.protocol) options.pair.protocol = Protocol::opposed;
+  if (const auto valid = check(options); !valid) return complain(valid.error());
+  const auto maker = Maker::open(options);
+  if (!maker) return complain(maker.error());
   const std::filesystem::path folder = options.folder;
   for (std::uint64_t i = 0; i < options.count; ++i) {
-    options.pair.seed = options.seed + i;
-    const auto pair = generate_pair(options.kind, options.pair);
-    if (!pair) return complain(pair.error());
+    const auto made = maker->make(i);
+    if (!made) return complain(made.error());
     if (i == 0) {
       std::error_code error;
       std::filesystem::create_directories(folder, error);
@@ -50,16 +138,15 @@ int run(Options& options) {
         return complain(bad_usage, "--out " + options.folder + ": cannot be made: " + error.message());
     }
     const std::string name = numbered(options.kind, i);
-    auto written = io::write_ply(folder / (name + "_source.ply"), pair->source, options.encoding);
+    auto written = io::write_ply(folder / (name + "_source.ply"), made->pair.source, options.encoding);
     if (written)
-      written = io::write_ply(folder / (name + "_reference.ply"), pair->reference, options.encoding);
-    if (written)
-      written =
-          write_json(folder / (name + "_truth.json"), truth_json(*pair, options.kind, name, options.pair));
+      written = io::write_ply(folder / (name + "_reference.ply"), made->pair.reference, options.encoding);
+    if (written) written = write_json(folder / (name + "_truth.json"), truth_json(*made, options, i, name));
     if (!written) return complain(written.error());
     show_progress(std::to_string(i + 1) + " of " + std::to_string(options.count));
   }
   clear_progress();
+  maker->warn_of_skipped();
   std::cout << options.count << (options.count == 1 ? " pair" : " pairs") << " in " << options.folder << ", "
             << numbered(options.kind, 0) << "_{source,reference}.ply with _truth.json"
             << (options.count > 1 ? " and so on" : "") << '\n';
@@ -75,30 +162,58 @@ Command add_generate(CLI::App& root) {
   for (const GeneratedKind& kind : generated_kinds())
     kinds += "  " + std::string(kind.name) + std::string(12 - kind.name.size(), ' ') +
              std::string(kind.summary) + "\n";
+  kinds += "  crops       two crops of a mesh or cloud in the folder that --shapes names\n";
   app->add_option("KIND", options->kind, "What to make, see below")->required();
   app->add_option("--out", options->folder, "Folder to write to; made if it is missing")
       ->required()
       ->type_name("DIR");
   add_count(*app, "--count", options->count, 1, 1'000'000, "Pairs to make");
-  add_seed(*app, "--seed", options->seed, "Seed of the first pair; pair i takes seed + i");
-  add_count(*app, "--points", options->points, 1, max_generated_points, "Points of each cloud");
-  app->add_option("--noise", options->pair.noise, "Standard deviation added to every coordinate")
+  add_seed(*app, "--seed", options->seed,
+           "Seed of the first pair, pair i takes seed + i; of all pairs for crops");
+  add_count(*app, "--points", options->points, 1, max_generated_points,
+            "Points of each cloud; of the whole object where it is cropped");
+  app->add_option("--noise", options->pair.noise,
+                  "Standard deviation added to every coordinate, clipped at 5 times that")
       ->type_name("LENGTH")
       ->capture_default_str();
   app->add_option("--roughness", options->pair.roughness, "Standard deviation of a break's relief")
       ->type_name("LENGTH")
       ->capture_default_str();
+  std::vector<std::pair<std::string, Protocol>> names;
+  std::string explained;
+  for (const ProtocolName& protocol : protocols()) {
+    names.emplace_back(protocol.name, protocol.protocol);
+    explained += "  " + std::string(protocol.name) + std::string(13 - protocol.name.size(), ' ') +
+                 std::string(protocol.summary) + "\n";
+  }
+  add_choice<Protocol>(*app, "--protocol", names, options->pair.protocol,
+                       "Crop the whole object in two, see below; opposed for aircraft and crops");
+  app->add_option_function<double>(
+         "--share",
+         [options](double share) {
+           options->pair.share = share;
+           options->share_given = true;
+         },
+         "Share S of the object's points that a crop keeps, above 0 and up to 1")
+      ->type_name("S")
+      ->default_str("0.7");
+  app->add_option("--shapes", options->shapes,
+                  "Meshes and clouds to crop, in this folder and below; scaled to a radius of 0.5")
+      ->type_name("FOLDER");
   add_choice<io::PlyEncoding>(
       *app, "--format",
       {{"ply", io::PlyEncoding::binary_little_endian}, {"ply-ascii", io::PlyEncoding::ascii}},
       options->encoding, "Encoding of the clouds")
       ->default_str("ply");
   app->footer(
-      "Kinds (every object fits in a ball of radius 0.5):\n" + kinds +
+      "Kinds (every object fits in a ball of radius 0.5):\n" + kinds + "\nProtocols:\n" + explained +
       "\nPair 0 of KIND is KIND_000_source.ply, KIND_000_reference.ply and KIND_000_truth.json, which has\n"
-      "the pose T_reference_source: x_reference = R x_source + t.\n\n"
-      "Example:\n"
-      "  bitr generate fragments --out clouds --count 10 --seed 1 --points 4096");
+      "the pose T_reference_source: x_reference = R x_source + t, and the share of the object in both "
+      "clouds.\n\n"
+      "Examples:\n"
+      "  bitr generate vessels --out clouds --count 10 --seed 1 --points 4096\n"
+      "  bitr generate aircraft --out clouds --protocol independent --share 0.6 --noise 0.01\n"
+      "  bitr generate crops --shapes meshes --out clouds --count 10 --protocol complement --share 0.5");
   return {app, [options] { return run(*options); }};
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "generate/solid.hpp"
+
 namespace bitr::generate {
 namespace {
 
@@ -25,22 +27,43 @@ Line random_chord(double radius, Random& random) {
   return {offset * (std::cos(angle) * side + std::sin(angle) * up) - half * direction, direction, 2 * half};
 }
 
-double bisect(const Field& field, const Line& line, double low, double high, double tolerance) {
-  const bool inside_at_low = field(line.at(low)) < 0;
-  while (high - low > tolerance) {
-    const double middle = (low + high) / 2;
-    ((field(line.at(middle)) < 0) == inside_at_low ? low : high) = middle;
+/// Where the field changes sign between two places at which its signs differ (the Illinois method).
+double crossing(const Field& field, const Line& line, double low, double low_value, double high,
+                double high_value, double tolerance) {
+  int side = 0;
+  for (int i = 0; i < 100 && high - low > tolerance; ++i) {
+    // Every fourth step halves the bracket, so that a kink cannot stall it.
+    double middle =
+        i % 4 == 3 ? (low + high) / 2 : (low * high_value - high * low_value) / (high_value - low_value);
+    middle = std::clamp(middle, low + tolerance / 4, high - tolerance / 4);
+    const double value = field(line.at(middle));
+    if ((value < 0) == (low_value < 0)) {
+      low = middle;
+      low_value = value;
+      if (side == -1) high_value /= 2;
+      side = -1;
+    } else {
+      high = middle;
+      high_value = value;
+      if (side == 1) low_value /= 2;
+      side = 1;
+    }
   }
   return (low + high) / 2;
 }
 
+/// At a place where the field is 0.
 Vector3d outward_normal(const Field& field, const Vector3d& at, double step) {
   Vector3d gradient;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vector3d shift = step * Vector3d::Unit(axis);
-    gradient[axis] = field(at + shift) - field(at - shift);
-  }
+  for (int axis = 0; axis < 3; ++axis) gradient[axis] = field(at + step * Vector3d::Unit(axis));
   return gradient.normalized();
+}
+
+constexpr int grid = 32;  // cells along each side of the cube around the ball
+constexpr double cell_size = 2 * solid_radius / grid;
+
+std::size_t cell_index(const int cell[3]) {
+  return (static_cast<std::size_t>(cell[0]) * grid + cell[1]) * grid + cell[2];
 }
 
 }  // namespace
@@ -58,7 +81,7 @@ PointCloud sample_surface(const Field& field, double radius, std::size_t count, 
       const double next_t = std::min(line.length, t + std::max(std::abs(value), shortest_step));
       const double next_value = field(line.at(next_t));
       if ((value < 0) != (next_value < 0)) {
-        const Vector3d hit = line.at(bisect(field, line, t, next_t, 1e-12 * radius));
+        const Vector3d hit = line.at(crossing(field, line, t, value, next_t, next_value, 1e-12 * radius));
         const Vector3d normal = outward_normal(field, hit, 1e-6 * radius);
         cloud.positions.push_back({hit.x(), hit.y(), hit.z()});
         cloud.normals.push_back(
@@ -69,6 +92,78 @@ PointCloud sample_surface(const Field& field, double radius, std::size_t count, 
     }
   }
   return cloud;
+}
+
+FieldShape::FieldShape(Field field) : field_(std::move(field)), empty_(grid * grid * grid) {
+  const int first[3] = {0, 0, 0};
+  find_empty(first, grid);
+  radius_ = std::min(radius_, solid_radius);
+}
+
+void FieldShape::find_empty(const int first[3], int cells) {
+  const Vector3d middle =
+      cell_size * (Vector3d(first[0], first[1], first[2]) + Vector3d::Constant(cells / 2.0)) -
+      Vector3d::Constant(solid_radius);
+  const double half_diagonal = std::sqrt(3) / 2 * cells * cell_size;
+  if (std::abs(field_(middle)) > half_diagonal) {
+    for (int i = 0; i < cells; ++i)
+      for (int j = 0; j < cells; ++j)
+        for (int k = 0; k < cells; ++k) {
+          const int cell[3] = {first[0] + i, first[1] + j, first[2] + k};
+          empty_[cell_index(cell)] = static_cast<std::uint8_t>(cells);
+        }
+    return;
+  }
+  if (cells == 1) {
+    radius_ = std::max(radius_, middle.norm() + half_diagonal);
+    return;
+  }
+  for (int corner = 0; corner < 8; ++corner) {
+    int at[3];
+    for (int axis = 0; axis < 3; ++axis) at[axis] = first[axis] + (corner >> axis & 1) * cells / 2;
+    find_empty(at, cells / 2);
+  }
+}
+
+double FieldShape::weight() const {
+  // A line that meets the ball crosses a surface of area A within it A / (2π radius²) times on average.
+  return 2 * std::numbers::pi * radius_ * radius_;
+}
+
+void FieldShape::trial(Random& random, std::vector<SurfacePoint>& points) const {
+  // A line that is inside for less than the shortest step may be missed: less than one in a thousand of those
+  // that pass within a radius of curvature of 0.03.
+  constexpr double shortest_step = 2e-3, margin = 1e-9;
+  const Line line = random_chord(radius_, random);
+  const Vector3d per_length = line.direction.cwiseInverse();
+  double last_t = 0, last_value = 1;  // where the field was last asked; the ball's surface is outside
+  for (double t = 0; last_t < line.length;) {
+    if (t < line.length) {
+      const Vector3d at = line.at(t);
+      int cell[3];
+      for (int axis = 0; axis < 3; ++axis)
+        cell[axis] = std::clamp(static_cast<int>((at[axis] + solid_radius) / cell_size), 0, grid - 1);
+      if (const int block = empty_[cell_index(cell)]) {
+        double leave = line.length;
+        for (int axis = 0; axis < 3; ++axis) {
+          const int wall = cell[axis] / block * block + (line.direction[axis] > 0 ? block : 0);
+          leave = std::min(
+              leave, t + std::max(0.0, (cell_size * wall - solid_radius - at[axis]) * per_length[axis]));
+        }
+        t = leave + margin;
+        continue;
+      }
+    }
+    t = std::min(t, line.length);
+    const double value = field_(line.at(t));
+    if ((value < 0) != (last_value < 0)) {
+      const Vector3d hit = line.at(crossing(field_, line, last_t, last_value, t, value, 1e-12));
+      points.push_back({hit, outward_normal(field_, hit, 1e-6)});
+    }
+    last_t = t;
+    last_value = value;
+    t += std::max(std::abs(value), shortest_step);
+  }
 }
 
 }  // namespace bitr::generate

@@ -1,36 +1,51 @@
-#include <array>
+#include <algorithm>
 #include <bitr/generate.hpp>
-#include <cmath>
 #include <iterator>
 #include <string>
 
-#include "generate/kinds.hpp"
+#include "generate/aircraft.hpp"
+#include "generate/pairs.hpp"
+#include "generate/seeds.hpp"
+#include "generate/solid.hpp"
+#include "generate/vessels.hpp"
 
 namespace bitr {
+namespace generate {
 namespace {
-
-using Make = generate::Assembled (*)(const GenerateOptions&, Random&);
 
 constexpr GeneratedKind kinds[] = {
     {"fragments", "a solid without symmetry, broken in two along a rough, curved surface"},
     {"copy", "a solid without symmetry, and a moved copy of exactly the same points"},
+    {"vessels", "a pot, jug, cup or bottle, some with handles, broken in two"},
+    {"aircraft", "an aeroplane, two samples cropped from opposite ends"},
 };
-constexpr Make makers[] = {generate::fragments, generate::copy};
+
+constexpr Kind makers[] = {
+    {"solids", random_solid_shape, Way::broken},
+    {"solids", random_solid_shape, Way::copied},
+    {"vessels", random_vessel, Way::broken},
+    {"aircraft", random_aircraft, Way::cropped},
+};
 static_assert(std::size(kinds) == std::size(makers));
 
-Result<Make> maker(std::string_view kind) {
+constexpr GeneratedKind shapes[] = {
+    {"solids", "a solid without symmetry"},
+    {"vessels", "a pot, jug, cup or bottle, some with handles or a spout"},
+    {"aircraft", "an aeroplane"},
+};
+
+/// The index of the one of that name.
+Result<std::size_t> find(std::span<const GeneratedKind> among, std::string_view name) {
   std::string known;
-  for (std::size_t i = 0; i < std::size(kinds); ++i) {
-    if (kinds[i].name == kind) return makers[i];
-    known.append(known.empty() ? "" : ", ").append(kinds[i].name);
+  for (std::size_t i = 0; i < among.size(); ++i) {
+    if (among[i].name == name) return i;
+    known.append(known.empty() ? "" : ", ").append(among[i].name);
   }
-  return fail(ErrorCode::invalid_argument, "unknown kind \"" + std::string(kind) + "\"; known: " + known);
+  return fail(ErrorCode::invalid_argument, "unknown kind \"" + std::string(name) + "\"; known: " + known);
 }
 
-Result<void> validate(const GenerateOptions& options) {
-  if (options.points < 1 || options.points > max_generated_points)
-    return fail(ErrorCode::invalid_argument, "points is " + std::to_string(options.points) + ", not in 1 … " +
-                                                 std::to_string(max_generated_points));
+Result<void> check(const GenerateOptions& options) {
+  if (const auto valid = check_points(options.points); !valid) return valid;
   if (!(options.noise >= 0 && options.noise <= 1))
     return fail(ErrorCode::invalid_argument, "noise is " + std::to_string(options.noise) + ", not in 0 … 1");
   if (!(options.roughness >= 0 && options.roughness <= 0.1))
@@ -39,47 +54,62 @@ Result<void> validate(const GenerateOptions& options) {
   return {};
 }
 
-Pose random_pose(Random& random) {
-  Pose pose;
-  pose.rotation = random.rotation();
-  for (double& t : pose.translation) t = random.uniform(-1, 1);
-  return pose;
-}
-
-void add_noise(PointCloud& cloud, double deviation, Random& random) {
-  if (deviation == 0) return;
-  for (Vec3d& point : cloud.positions)
-    for (double& coordinate : point) coordinate += deviation * random.normal();
-}
-
-void move(PointCloud& cloud, const Pose& pose) {
-  for (Vec3d& point : cloud.positions) point = pose.apply(point);
-  for (Vec3f& normal : cloud.normals) {
-    const Vec3d turned = pose.rotate({normal[0], normal[1], normal[2]});
-    for (int axis = 0; axis < 3; ++axis) normal[axis] = static_cast<float>(turned[axis]);
-  }
-}
-
 }  // namespace
 
+Result<const Kind*> kind_named(std::string_view name) {
+  const auto found = find(kinds, name);
+  if (!found) return tl::unexpected(found.error());
+  return &makers[*found];
+}
+
+std::unique_ptr<Shape> make_shape(const Kind& kind, std::uint64_t seed) {
+  Random random = random_for(seed, Draw::shape);
+  return kind.make(random);
+}
+
+Result<void> check_points(std::size_t points) {
+  if (points >= 1 && points <= max_generated_points) return {};
+  return fail(ErrorCode::invalid_argument,
+              "points is " + std::to_string(points) + ", not in 1 … " + std::to_string(max_generated_points));
+}
+
+}  // namespace generate
+
+using namespace generate;
+
 std::span<const GeneratedKind> generated_kinds() { return kinds; }
+std::span<const GeneratedKind> generated_shapes() { return shapes; }
 
-Result<GeneratedPair> generate_pair(std::string_view kind, const GenerateOptions& options) {
-  const auto make = maker(kind);
-  if (!make) return tl::unexpected(make.error());
-  if (const auto valid = validate(options); !valid) return tl::unexpected(valid.error());
+Result<GeneratedPair> generate_pair(std::string_view name, const GenerateOptions& options) {
+  const auto kind = kind_named(name);
+  if (!kind) return tl::unexpected(kind.error());
+  if (const auto valid = check(options); !valid) return tl::unexpected(valid.error());
+  const Way way = (*kind)->way;
+  const auto shape = make_shape(**kind, options.seed);
+  GeneratedPair pair;
+  if (options.protocol || way == Way::cropped) {
+    const CropOptions crop{.protocol = options.protocol.value_or(Protocol::opposed),
+                           .share = options.share,
+                           .noise = options.noise,
+                           .seed = options.seed};
+    if (const auto valid = generate::check(crop); !valid) return tl::unexpected(valid.error());
+    return sample_and_crop(*shape, options.points, way == Way::copied, crop);
+  }
+  pair = way == Way::broken ? break_in_two(*shape, options.points, options.roughness, options.seed)
+                            : sample_twice(*shape, options.points, true, options.seed);
+  separate(pair, {.noise = options.noise}, options.seed);
+  return pair;
+}
 
-  // The poses come first, so that they do not depend on how many numbers the shape takes.
-  Random random(options.seed);
-  const Pose T_source_assembled = random_pose(random);
-  const Pose T_reference_assembled = random_pose(random);
-  auto [source, reference] = (*make)(options, random);
-  add_noise(source, options.noise, random);
-  add_noise(reference, options.noise, random);
-  move(source, T_source_assembled);
-  move(reference, T_reference_assembled);
-  return GeneratedPair{std::move(source), std::move(reference),
-                       T_reference_assembled * T_source_assembled.inverse()};
+Result<GeneratedShape> generate_shape(std::string_view name, std::uint64_t seed, std::size_t points) {
+  const auto found = find(shapes, name);
+  if (!found) return tl::unexpected(found.error());
+  if (const auto valid = check_points(points); !valid) return tl::unexpected(valid.error());
+  const auto kind =
+      std::find_if(std::begin(makers), std::end(makers), [&](const Kind& k) { return k.shape == name; });
+  const auto shape = make_shape(*kind, seed);
+  Random random = random_for(seed, Draw::points);
+  return GeneratedShape{sample(*shape, points, random), shape->symmetry()};
 }
 
 }  // namespace bitr

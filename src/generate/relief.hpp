@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+#include <array>
 
 #include "core/random.hpp"
 
@@ -16,16 +16,20 @@ class Relief {
   Relief(double roughness, Random& random);
 
   double height(const Eigen::Vector2d& at) const;
+  /// The height's gradient.
+  Eigen::Vector2d slope(const Eigen::Vector2d& at) const;
   /// No slope within `radius` of the origin is steeper.
   double steepest(double radius) const;
 
  private:
-  struct Wave {
-    Eigen::Vector2d frequency;  ///< radians per unit length
-    double phase, amplitude;
-  };
+  static constexpr int octaves = 4, waves_per_octave = 5, waves = octaves * waves_per_octave;
+  using PerWave = std::array<double, waves>;
+  /// cos(2π(frequency · at + phase + quarter)) of every wave.
+  PerWave cosines(const Eigen::Vector2d& at, double quarter) const;
+
   Eigen::Matrix2d curvature_;
-  std::vector<Wave> waves_;
+  PerWave frequency_x_, frequency_y_, phase_;  ///< in turns per unit length, and turns
+  PerWave amplitude_;
 };
 
 }  // namespace bitr::generate

@@ -118,4 +118,8 @@ Solid random_solid(Random& random) {
   return Solid(random);
 }
 
+std::unique_ptr<Shape> random_solid_shape(Random& random) {
+  return std::make_unique<FieldShape>(random_solid(random));
+}
+
 }  // namespace bitr::generate

@@ -3,9 +3,11 @@
 
 #include <Eigen/Core>
 #include <bitr/cloud.hpp>
+#include <memory>
 #include <vector>
 
 #include "core/random.hpp"
+#include "generate/shape.hpp"
 
 namespace bitr::generate {
 
@@ -39,5 +41,6 @@ double asymmetry(const PointCloud& cloud);
 
 /// A solid with a clear asymmetry.
 Solid random_solid(Random& random);
+std::unique_ptr<Shape> random_solid_shape(Random& random);
 
 }  // namespace bitr::generate

@@ -52,6 +52,53 @@ TEST(Generate, WritesAsciiWhenAsked) {
   EXPECT_EQ(io::read_cloud(folder.path("copy_000_source.ply")).value().size(), 30u);
 }
 
+TEST(Generate, CropsByAProtocol) {
+  const Folder folder;
+  const Finished made =
+      run_command({"generate", "aircraft", "--out", folder.path(), "--points", "200", "--protocol",
+                   "independent", "--share", "0.6", "--noise", "0.01", "--seed", "4"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const GeneratedPair expected =
+      generate_pair(
+          "aircraft",
+          {.points = 200, .noise = 0.01, .seed = 4, .protocol = Protocol::independent, .share = 0.6})
+          .value();
+  EXPECT_EQ(io::read_cloud(folder.path("aircraft_000_source.ply")).value().positions,
+            expected.source.positions);
+  EXPECT_EQ(expected.source.size(), 120u);
+  const auto truth = read_json(folder.path("aircraft_000_truth.json"));
+  EXPECT_EQ(truth["protocol"], "independent");
+  EXPECT_EQ(truth["share"], 0.6);
+  EXPECT_EQ(truth["overlap"], expected.overlap);
+  EXPECT_EQ(truth["symmetry"]["order"], 1);
+}
+
+TEST(Generate, CropsShapesFromAFolder) {
+  const Folder shapes, folder;
+  const PairFiles files = generate_files(shapes, "copy", "400");
+  shapes.write("broken.ply", "ply\n");
+  const Finished made =
+      run_command({"generate", "crops", "--shapes", shapes.path(), "--out", folder.path(), "--count", "6",
+                   "--points", "100", "--protocol", "complement", "--share", "0.5"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.err, testing::MatchesRegex("bitr: [^\n]*1 file was skipped; broken.ply: [^\n]*\n"));
+  EXPECT_EQ(folder.names().size(), 18u);
+  const auto truth = read_json(folder.path("crops_005_truth.json"));
+  EXPECT_THAT(truth["shape"].get<std::string>(), testing::StartsWith("copy_000_"));
+  EXPECT_EQ(truth["protocol"], "complement");
+  EXPECT_EQ(truth["overlap"], 0);
+  const PointCloud source = io::read_cloud(folder.path("crops_005_source.ply")).value();
+  EXPECT_LE(source.size(), 50u);
+  EXPECT_GE(source.size(), 35u);
+
+  const Folder again;
+  ASSERT_EQ(run_command({"generate", "crops", "--shapes", shapes.path(), "--out", again.path(), "--points",
+                         "100", "--protocol", "complement", "--share", "0.5"})
+                .status,
+            0);
+  EXPECT_EQ(read_text(again.path("crops_000_source.ply")), read_text(folder.path("crops_000_source.ply")));
+}
+
 TEST(Generate, RefusesWithoutWriting) {
   const std::vector<std::vector<std::string>> wrong = {
       {"planes"},
@@ -65,6 +112,14 @@ TEST(Generate, RefusesWithoutWriting) {
       {"copy", "--noise", "much"},
       {"copy", "--roughness", "0.5"},
       {"copy", "--format", "obj"},
+      {"aircraft", "--protocol", "random"},
+      {"aircraft", "--share", "1.5"},
+      {"aircraft", "--share", "half"},
+      {"vessels", "--share", "0.5"},
+      {"vessels", "--protocol", "complement", "--share", "1"},
+      {"vessels", "--shapes", "/tmp"},
+      {"crops"},
+      {"crops", "--shapes", "/nowhere/at/all"},
   };
   for (const auto& options : wrong) {
     const Folder folder;

@@ -1,0 +1,112 @@
+#include "generate/compound.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "generate/solid.hpp"
+
+namespace bitr::generate {
+namespace {
+
+using Eigen::Vector3d;
+
+// A part bulges beyond its grid by less than this share of its size.
+constexpr double bulge = 0.01;
+
+}  // namespace
+
+std::vector<Vector3d> Compound::measure(std::size_t member) {
+  const Part& part = *members_[member].part;
+  const int rows = part.rows(), columns = part.columns();
+  std::vector<Vector3d> grid;
+  Box& box = members_[member].box;
+  for (int i = 0; i <= rows; ++i)
+    for (int j = 0; j <= columns; ++j) {
+      grid.push_back(part.at(i, j));
+      box.include(grid.back());
+    }
+  const Vector3d margin = Vector3d::Constant(bulge * (box.high - box.low).maxCoeff());
+  box.low -= margin;
+  box.high += margin;
+
+  const auto corner = [&](int i, int j) -> const Vector3d& {
+    return grid[static_cast<std::size_t>(i) * (columns + 1) + j];
+  };
+  double weight = weight_up_to_.empty() ? 0 : weight_up_to_.back();
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < columns; ++j) {
+      const Vector3d up[] = {corner(i + 1, j) - corner(i, j), corner(i + 1, j + 1) - corner(i, j + 1)};
+      const Vector3d across[] = {corner(i, j + 1) - corner(i, j), corner(i + 1, j + 1) - corner(i + 1, j)};
+      double largest = 0;
+      for (const Vector3d& u : up)
+        for (const Vector3d& a : across) largest = std::max(largest, u.cross(a).squaredNorm());
+      if (largest == 0) continue;
+      // Area per cell at the corners; in between, where the surface bends, it is a little more.
+      weight += 1.15 * std::sqrt(largest);
+      weight_up_to_.push_back(weight);
+      cells_.push_back(
+          {static_cast<std::uint16_t>(member), static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j)});
+    }
+  return grid;
+}
+
+void Compound::finish(std::optional<Vector3d> middle) {
+  std::vector<Vector3d> outline;
+  Box box;
+  for (std::size_t m = 0; m < members_.size(); ++m) {
+    const std::vector<Vector3d> grid = measure(m);
+    if (!members_[m].hollow) outline.insert(outline.end(), grid.begin(), grid.end());
+  }
+  for (const Vector3d& at : outline) box.include(at);
+  middle_ = middle.value_or((box.low + box.high) / 2);
+  double reach = 0;
+  for (const Vector3d& at : outline) reach = std::max(reach, (at - middle_).squaredNorm());
+  scale_ = solid_radius / (1 + bulge) / std::sqrt(reach);
+}
+
+bool Compound::inside(const Vector3d& at) const {
+  const Vector3d local = at / scale_ + middle_;
+  bool within = false;
+  for (const Member& member : members_) {
+    if (within && !member.hollow) continue;
+    if (!member.contains(local)) continue;
+    if (member.hollow) return false;
+    within = true;
+  }
+  return within;
+}
+
+bool Compound::exposed(const Vector3d& at, std::size_t member) const {
+  bool within = false;
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    if (i == member || (within && !members_[i].hollow) || !members_[i].contains(at)) continue;
+    if (members_[i].hollow || !members_[member].hollow) return false;
+    within = true;
+  }
+  return within == members_[member].hollow;
+}
+
+void Compound::trial(Random& random, std::vector<SurfacePoint>& points) const {
+  const double pick = random.uniform() * weight_up_to_.back();
+  const auto found = static_cast<std::size_t>(
+      std::upper_bound(weight_up_to_.begin(), weight_up_to_.end() - 1, pick) - weight_up_to_.begin());
+  const double bound = weight_up_to_[found] - (found ? weight_up_to_[found - 1] : 0);
+  const Cell cell = cells_[found];
+  const Member& member = members_[cell.member];
+
+  // The derivatives stay within the cell, beyond which the surface may turn sharply.
+  constexpr double step = 1e-5;
+  const double row = random.uniform(), column = random.uniform(), accept = random.uniform();
+  const double row_step = row < 0.5 ? step : -step, column_step = column < 0.5 ? step : -step;
+  const Vector3d at = member.part->at(cell.row + row, cell.column + column);
+  const Vector3d by_row = (member.part->at(cell.row + row + row_step, cell.column + column) - at) / row_step;
+  const Vector3d by_column =
+      (member.part->at(cell.row + row, cell.column + column + column_step) - at) / column_step;
+  const Vector3d outwards = by_column.cross(by_row);
+  const double area = outwards.norm();
+  if (!(accept * bound < area) || !exposed(at, cell.member)) return;
+  points.push_back({scale_ * (at - middle_), (member.hollow ? -outwards : outwards) / area});
+}
+
+}  // namespace bitr::generate

@@ -1,0 +1,63 @@
+// Solids put together from parts: some added, some taken away.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "generate/part.hpp"
+#include "generate/shape.hpp"
+
+namespace bitr::generate {
+
+/// The union of the parts that were added without those that were taken away. Its surface is the outer one:
+/// what of a part lies within another is not on it.
+class Compound : public Shape {
+ public:
+  void add(std::unique_ptr<Part> part) { members_.push_back({std::move(part), false, {}}); }
+  void take_away(std::unique_ptr<Part> part) { members_.push_back({std::move(part), true, {}}); }
+  /// Once every part is there: moves `middle` (the bounding box's, if none is given) to the origin and scales
+  /// everything to fit in the ball of solid_radius.
+  void finish(std::optional<Eigen::Vector3d> middle = {});
+  void set_symmetry(const Symmetry& symmetry) { symmetry_ = symmetry; }
+
+  bool inside(const Eigen::Vector3d& at) const override;
+  double weight() const override { return weight_up_to_.back() * scale_ * scale_; }
+  void trial(Random& random, std::vector<SurfacePoint>& points) const override;
+  Symmetry symmetry() const override { return symmetry_; }
+
+ private:
+  struct Box {
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+    void include(const Eigen::Vector3d& at) {
+      low = low.cwiseMin(at);
+      high = high.cwiseMax(at);
+    }
+    bool contains(const Eigen::Vector3d& at) const {
+      return (at.array() >= low.array()).all() && (at.array() <= high.array()).all();
+    }
+  };
+  struct Member {
+    std::unique_ptr<Part> part;
+    bool hollow;
+    Box box;
+    bool contains(const Eigen::Vector3d& at) const { return box.contains(at) && part->contains(at); }
+  };
+  struct Cell {
+    std::uint16_t member, row, column;
+  };
+  /// The grid of a part, row by row; with it come its box and its cells.
+  std::vector<Eigen::Vector3d> measure(std::size_t member);
+  bool exposed(const Eigen::Vector3d& at, std::size_t member) const;
+
+  std::vector<Member> members_;
+  std::vector<Cell> cells_;
+  std::vector<double> weight_up_to_;  ///< of the cells, in the parts' units
+  Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
+  double scale_ = 1;
+  Symmetry symmetry_;
+};
+
+}  // namespace bitr::generate

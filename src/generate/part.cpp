@@ -1,0 +1,160 @@
+#include "generate/part.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace bitr::generate {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Half the thickness of the symmetric four-digit section, 1 at its thickest; `p` is 1 at the leading edge and
+// -1 at the trailing edge.
+double airfoil(double p) {
+  const double chord = std::clamp((1 - p) / 2, 0.0, 1.0);
+  return 10 * (0.2969 * std::sqrt(chord) +
+               chord * (-0.1260 + chord * (-0.3516 + chord * (0.2843 - 0.1036 * chord))));
+}
+
+double reach(double beak, double angle) {
+  return beak == 0 ? 1 : 1 + beak * std::exp(-angle * angle / (0.45 * 0.45));
+}
+
+}  // namespace
+
+Part::Part(const std::vector<double>& stations, int columns) : columns_(columns) {
+  rings_.push_back({stations.front(), 0});
+  rings_.push_back({stations.front(), 0.5});
+  for (const double along : stations) rings_.push_back({along, 1});
+  rings_.push_back({stations.back(), 0.5});
+  rings_.push_back({stations.back(), 0});
+}
+
+Part::Ring Part::ring(double row) const {
+  const auto below = static_cast<std::size_t>(std::clamp(row, 0.0, rows() - 1.0));
+  const double share = row - static_cast<double>(below);
+  const Ring &a = rings_[below], &b = rings_[below + 1];
+  return {a.along + share * (b.along - a.along), a.scale + share * (b.scale - a.scale)};
+}
+
+double Part::angle(double column) const { return 2 * std::numbers::pi * column / columns_; }
+
+Loft::Loft(const Vector3d& axis, const Vector3d& u, Outline outline, Cut cut,
+           const std::vector<double>& stations, int columns)
+    : Part(stations, columns),
+      axis_(axis),
+      u_(u),
+      v_(axis.cross(u)),
+      outline_(outline),
+      cut_(std::move(cut)),
+      first_(stations.front()),
+      last_(stations.back()) {}
+
+bool Loft::contains(const Vector3d& at) const {
+  const double along = axis_.dot(at);
+  if (along <= first_ || along >= last_) return false;
+  const Section section = cut_(along);
+  const double p = (u_.dot(at) - section.u) / section.half_u, q = (v_.dot(at) - section.v) / section.half_v;
+  if (outline_ == Outline::airfoil) return std::abs(p) < 1 && std::abs(q) < airfoil(p);
+  const double limit = section.beak == 0 ? 1 : reach(section.beak, std::atan2(q, p));
+  return p * p + q * q < limit * limit;
+}
+
+Vector3d Loft::at(double row, double column) const {
+  const auto [along, scale] = ring(row);
+  const Section section = cut_(along);
+  double turn = angle(column);
+  double p = std::cos(turn), q = std::sin(turn);
+  if (outline_ == Outline::airfoil) {
+    q = std::copysign(airfoil(p), q);
+  } else if (section.beak != 0) {
+    if (turn > std::numbers::pi) turn -= 2 * std::numbers::pi;
+    const double factor = reach(section.beak, turn);
+    p *= factor;
+    q *= factor;
+  }
+  return along * axis_ + (section.u + scale * section.half_u * p) * u_ +
+         (section.v + scale * section.half_v * q) * v_;
+}
+
+Bow::Bow(const Tube& tube) : Part(even_steps(0, 1, 20), 16), tube_(tube) {
+  constexpr int pieces = 40;
+  for (int i = 0; i <= pieces; ++i) path_.push_back(point(static_cast<double>(i) / pieces));
+}
+
+Vector3d Bow::point(double t) const {
+  const auto& c = tube_.curve;
+  const double r = 1 - t;
+  return r * r * r * c[0] + 3 * r * r * t * c[1] + 3 * r * t * t * c[2] + t * t * t * c[3];
+}
+
+Vector3d Bow::velocity(double t) const {
+  const auto& c = tube_.curve;
+  const double r = 1 - t;
+  return 3 * (r * r * (c[1] - c[0]) + 2 * r * t * (c[2] - c[1]) + t * t * (c[3] - c[2]));
+}
+
+Vector3d Bow::acceleration(double t) const {
+  const auto& c = tube_.curve;
+  return 6 * ((1 - t) * (c[2] - 2 * c[1] + c[0]) + t * (c[3] - 2 * c[2] + c[1]));
+}
+
+bool Bow::contains(const Vector3d& at) const {
+  double nearest = std::numeric_limits<double>::infinity(), t = 0;
+  for (std::size_t i = 0; i + 1 < path_.size(); ++i) {
+    const Vector3d step = path_[i + 1] - path_[i];
+    const double share = std::clamp(step.dot(at - path_[i]) / step.squaredNorm(), 0.0, 1.0);
+    const double squared = (at - path_[i] - share * step).squaredNorm();
+    if (squared >= nearest) continue;
+    nearest = squared;
+    t = (static_cast<double>(i) + share) / static_cast<double>(path_.size() - 1);
+  }
+  // Newton's steps from the path's nearest place to the curve's.
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d offset = at - point(t), speed = velocity(t);
+    const double bend = speed.squaredNorm() - offset.dot(acceleration(t));
+    if (bend > 0) t = std::clamp(t + offset.dot(speed) / bend, 0.0, 1.0);
+  }
+  const Vector3d offset = at - point(t), along = velocity(t).normalized();
+  if ((t == 0 && offset.dot(along) < 0) || (t == 1 && offset.dot(along) > 0)) return false;
+  const Vector2d half(std::lerp(tube_.half_in[0], tube_.half_in[1], t),
+                      std::lerp(tube_.half_across[0], tube_.half_across[1], t));
+  return Vector2d(offset.dot(tube_.across.cross(along)), offset.dot(tube_.across))
+             .cwiseQuotient(half)
+             .norm() < 1;
+}
+
+Vector3d Bow::at(double row, double column) const {
+  const auto [t, scale] = ring(row);
+  const double turn = angle(column);
+  return point(t) +
+         scale * std::lerp(tube_.half_in[0], tube_.half_in[1], t) * std::cos(turn) *
+             tube_.across.cross(velocity(t).normalized()) +
+         scale * std::lerp(tube_.half_across[0], tube_.half_across[1], t) * std::sin(turn) * tube_.across;
+}
+
+std::vector<double> even_steps(double low, double high, int count) {
+  std::vector<double> steps;
+  for (int i = 0; i <= count; ++i) steps.push_back(std::lerp(low, high, static_cast<double>(i) / count));
+  return steps;
+}
+
+std::vector<double> steps_from_tip(double low, double high, int count) {
+  std::vector<double> steps = even_steps(0, 1, count);
+  for (double& step : steps) step = std::lerp(low, high, step * step);
+  return steps;
+}
+
+std::vector<double> joined(std::initializer_list<std::vector<double>> runs) {
+  std::vector<double> all;
+  for (const auto& run : runs)
+    for (const double place : run)
+      if (all.empty() || place > all.back() + 1e-9) all.push_back(place);
+  return all;
+}
+
+}  // namespace bitr::generate
