@@ -35,6 +35,11 @@ struct ModelConfig {
   int key_global_merge_coe = 4;  ///< pooled scalars exchanged between the two clouds
   bool return_normals = false;   ///< the model reads unit normals
   bool get_color = false;        ///< the model reads colours instead of the constant 0.5
+  // Not in the official code; its models have the values here.
+  int neighbor_dilation = 1;  ///< every so many of the nearest k_neighbor · neighbor_dilation points count
+  bool relu_square = false;   ///< the projected ReLU divides by |d|² instead of |d|
+  bool centroid_offset =
+      false;  ///< the model also reads where in its cloud a point is (ops/input_features.hpp)
 
   bool operator==(const ModelConfig&) const = default;
 };

@@ -77,10 +77,26 @@ Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std
   return {};
 }
 
+// From the centroid, over their root mean square.
+std::vector<Vec3d> offsets(const Vec3View& points, const Vec3d& centroid) {
+  std::vector<Vec3d> all(points.count);
+  double square = 0;
+  for (std::size_t i = 0; i < points.count; ++i)
+    for (int a = 0; a < 3; ++a) {
+      all[i][a] = points[i][a] - centroid[a];
+      square += all[i][a] * all[i][a];
+    }
+  const double scale = std::sqrt(static_cast<double>(points.count) / square);
+  for (Vec3d& offset : all)
+    for (double& x : offset) x *= scale;
+  return all;
+}
+
 }  // namespace
 
 std::size_t least_points(const ModelConfig& config) {
-  return static_cast<std::size_t>(std::max(config.k_neighbor + 1, config.key_mean_num));
+  return static_cast<std::size_t>(
+      std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
 }
 
 Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs) {
@@ -115,6 +131,7 @@ Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pair
       if (auto ok = check_attribute(cloud.colors, cloud.positions.count, label, "colours"); !ok)
         return tl::unexpected(ok.error());
     batch.centroids.push_back(*centroid);
+    if (config.centroid_offset) batch.offsets.push_back(offsets(cloud.positions, *centroid));
     sizes.push_back(static_cast<std::uint32_t>(cloud.positions.count));
   }
   batch.layout = graph::BatchLayout(sizes, static_cast<std::uint32_t>(config.num_key_points));

@@ -16,6 +16,7 @@ struct PackedBatch {
   graph::BatchLayout layout;
   std::vector<const CloudView*> clouds;
   std::vector<Vec3d> centroids;
+  std::vector<std::vector<Vec3d>> offsets = {};  ///< per cloud, if the model reads them
 };
 
 /// Runs a graph; reads tensors as doubles whatever the arithmetic. Throws Failure.
@@ -63,6 +64,7 @@ void for_each_input(const PackedBatch& batch, const graph::Graph& graph, Fill fi
     fill(graph.positions, cloud.positions, batch.centroids[c], row);
     if (graph.normals != graph::no_tensor) fill(graph.normals, cloud.normals, Vec3d{}, row);
     if (graph.colors != graph::no_tensor) fill(graph.colors, cloud.colors, Vec3d{}, row);
+    if (graph.offsets != graph::no_tensor) fill(graph.offsets, Vec3View(batch.offsets[c]), Vec3d{}, row);
   }
 }
 

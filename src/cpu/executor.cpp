@@ -21,7 +21,14 @@ KernelPtr<T> kernel_for(const ops::Op& op) {
 }  // namespace
 
 template <class T>
-Executor<T>::Executor(graph::Graph graph, bool retain) : graph_(std::move(graph)), retain_(retain) {
+Executor<T>::Executor(graph::Graph graph, bool retain) : retain_(retain) {
+  replace(std::move(graph));
+}
+
+template <class T>
+void Executor<T>::replace(graph::Graph graph) {
+  graph_ = std::move(graph);
+  kernels_.clear();
   for (const graph::Node& node : graph_.nodes) kernels_.push_back(kernel_for<T>(node.op));
   milliseconds_.resize(graph_.nodes.size());
 }

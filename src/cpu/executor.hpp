@@ -26,6 +26,9 @@ class Executor {
     return slots_[id].template as<U>();
   }
   void run(ThreadPool& pool);
+  /// Other constants for the same operations: `graph` differs in nothing but them and in how wide the tensors
+  /// are that hold their gradients. Before the next prepare().
+  void replace(graph::Graph graph);
 
   const graph::Graph& graph() const { return graph_; }
   const graph::BatchLayout& layout() const { return layout_; }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "cpu/kernel.hpp"
 
@@ -12,8 +13,11 @@ class InputFeaturesKernel : public Kernel<T> {
 
   void run(const Arguments& args) const override {
     const Slot& out = args.out[0];
-    const T* colors = op_.colors ? args.in.front().as<T>() : nullptr;
-    const T* normals = op_.normals ? args.in.back().as<T>() : nullptr;
+    std::size_t next = 0;
+    const auto attribute = [&](bool used) { return used ? args.in[next++].template as<T>() : nullptr; };
+    const T* colors = attribute(op_.colors);
+    const T* normals = attribute(op_.normals);
+    const T* offsets = attribute(op_.offsets);
     args.pool.parallel_for(args.rows(out), 4096, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         T* row = out.as<T>() + i * out.stride();
@@ -21,8 +25,14 @@ class InputFeaturesKernel : public Kernel<T> {
           row = std::copy_n(colors + 3 * i, 3, row);
         else
           *row++ = static_cast<T>(ops::constant_feature);
-        if (normals)
-          for (int axis : {1, 2, 0}) *row++ = normals[3 * i + axis];
+        const auto product = [i](const T* a, const T* b) {
+          return a[3 * i] * b[3 * i] + a[3 * i + 1] * b[3 * i + 1] + a[3 * i + 2] * b[3 * i + 2];
+        };
+        if (offsets) *row++ = std::sqrt(product(offsets, offsets));
+        if (offsets && normals) *row++ = product(normals, offsets);
+        for (const T* vectors : {normals, offsets})
+          if (vectors)
+            for (int axis : {1, 2, 0}) *row++ = vectors[3 * i + axis];
       }
     });
   }

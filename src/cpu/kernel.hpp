@@ -41,6 +41,22 @@ struct Arguments {
   std::size_t rows(const Slot& slot) const { return layout.rows(slot.rows); }
 };
 
+/// A gradient node's slots by what they mean (ops/gradient.hpp).
+template <class Operation>
+struct GradientSlots {
+  const ops::Gradient<Operation>& op;
+  const Arguments& args;
+
+  const Slot& in(int i) const { return args.in[i]; }
+  const Slot& out(int i) const { return args.in[op.inputs + i]; }
+  /// The gradient of output i; nullptr where it is zero.
+  const Slot* given(int i) const { return op.given_at(i) < 0 ? nullptr : &args.in[op.given_at(i)]; }
+  /// Where the gradient of input i goes; nullptr where none is wanted.
+  const Slot* wanted(int i) const { return op.wanted_at(i) < 0 ? nullptr : &args.out[op.wanted_at(i)]; }
+  /// Where the gradient of the constants goes; nullptr where there are none.
+  const Slot* constants() const { return op.constants ? &args.out[op.constants_at()] : nullptr; }
+};
+
 template <class T>
 class Kernel {
  public:
@@ -92,5 +108,43 @@ template <class T>
 KernelPtr<T> make_kernel(const ops::CgProduct& op);
 template <class T>
 KernelPtr<T> make_kernel(const ops::NeighbourAttention& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Loss& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Sum& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::EdgeGeometry>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::Convolve>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::Linear>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::Attend>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectedRelu>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSum>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::ExtendFeatures>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::MeanDirection>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::PointAttention>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudCoefficients>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::SoftmaxSum>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::PairAttention>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::MergePairs>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::Head>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectPose>& op);
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::Loss>& op);
 
 }  // namespace bitr::cpu

@@ -52,9 +52,12 @@ T distance_of(const Candidate<T>& candidate) {
 // Fewer than k are found only when distances are not finite. Any valid row will do then: the numbers that
 // made them reach the pose and mark it as failed.
 template <class T>
-void write_nearest(const std::vector<Candidate<T>>& found, int k, std::uint32_t base, std::uint32_t* out) {
-  for (std::size_t i = 0; i < static_cast<std::size_t>(k); ++i)
-    out[i] = base + (i < found.size() ? index_of<T>(found[i]) : 0);
+void write_nearest(const std::vector<Candidate<T>>& found, const ops::Knn& op, std::uint32_t base,
+                   std::uint32_t* out) {
+  for (int i = 0; i < op.k; ++i) {
+    const auto at = static_cast<std::size_t>((i + 1) * op.dilation - 1);
+    out[i] = base + (at < found.size() ? index_of<T>(found[at]) : 0);
+  }
 }
 
 // Structure of arrays, padded to whole lanes with points at infinity.
@@ -77,8 +80,8 @@ struct Coordinates {
 template <class T>
 class BruteForce {
  public:
-  BruteForce(const Coordinates<T>& points, int k)
-      : points_(points), k_(k), distance_(points.padded), near_(points.count + 1) {}
+  BruteForce(const Coordinates<T>& points, const ops::Knn& op)
+      : points_(points), op_(op), k_(op.k * op.dilation), distance_(points.padded), near_(points.count + 1) {}
 
   // `self`: reference to leave out; ≥ count for none.
   void search(const T* query, std::size_t self, std::uint32_t base, std::uint32_t* out) {
@@ -98,7 +101,7 @@ class BruteForce {
     if (count > 2 * static_cast<std::size_t>(k_))
       std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
     std::sort(found_.begin(), found_.begin() + std::min<std::size_t>(count, 2 * k_));
-    write_nearest(found_, k_, base, out);
+    write_nearest(found_, op_, base, out);
   }
 
  private:
@@ -134,6 +137,7 @@ class BruteForce {
   }
 
   const Coordinates<T>& points_;
+  const ops::Knn& op_;
   const int k_;
   std::vector<T> distance_, minima_;
   std::vector<std::uint32_t> near_;
@@ -241,7 +245,7 @@ class KnnKernel : public Kernel<T> {
       const Coordinates<T> points(references, count, op_.dim);
       pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64),
                         [&](std::size_t q0, std::size_t q1) {
-                          BruteForce<T> search(points, op_.k);
+                          BruteForce<T> search(points, op_);
                           for (std::size_t q = q0; q < q1; ++q)
                             search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
                         });
@@ -254,12 +258,12 @@ class KnnKernel : public Kernel<T> {
     const bool leaf_order = op_.exclude_self;
     pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 16, 16, 512),
                       [&](std::size_t first, std::size_t last) {
-                        NearestSet<T> nearest(op_.k, 0);
+                        NearestSet<T> nearest(op_.k * op_.dilation, 0);
                         for (std::size_t i = first; i < last; ++i) {
                           const std::size_t q = leaf_order ? tree.vAcc[i] : i;
                           nearest.reset(static_cast<std::uint32_t>(self(q)));
                           tree.findNeighbors(nearest, queries + 3 * q, {});
-                          write_nearest(nearest.found(), op_.k, base, out + q * op_.k);
+                          write_nearest(nearest.found(), op_, base, out + q * op_.k);
                         }
                       });
   }

@@ -34,7 +34,7 @@ class MeanDirectionKernel : public Kernel<T> {
         to = std::copy(scalars_.begin(), scalars_.end(), to);
         for (Eigen::Index c = 0; c < slopes_.size(); ++c)
           for (int a = 0; a < 3; ++a) to[3 * c + a] = slopes_[c] * mean[a];
-        if (op_.general.relu) projected_relu(plane_, 3, to);
+        if (op_.general.relu) projected_relu(plane_, op_.general.relu_square, 3, to);
       }
     });
   }

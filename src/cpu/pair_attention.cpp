@@ -42,7 +42,7 @@ template <class T>
 struct Prepared {
   explicit Prepared(const ops::PairAttention& source)
       : op(source),
-        relu(source.fiber_out, source.planes),
+        relu(source.fiber_out, source.planes, source.relu_square),
         messages(irreps::concatenate(source.value_fiber, source.key_fiber)) {
     for (const auto& table : op.tables) tables.emplace_back(table);
     for (const auto& block : op.blocks) terms.push_back(pair_terms(block));

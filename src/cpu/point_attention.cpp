@@ -51,7 +51,7 @@ class PointRow {
     if (duplicates) aggregate_zero(coefficients, out);
     if (op_.relu) {
       for (int c = 0; c < op_.m0; ++c) out[c] = leaky(out[c]);
-      projected_relu(plane_, 3, out + op_.m0);
+      projected_relu(plane_, op_.relu_square, 3, out + op_.m0);
     }
   }
 

@@ -6,7 +6,7 @@
 namespace bitr::cpu {
 
 template <class T>
-void projected_relu(const RowMatrix<T>& plane, int dim, T* x) {
+void projected_relu(const RowMatrix<T>& plane, bool square, int dim, T* x) {
   constexpr int most = 256 * 9;
   T mixed[most];
   const int channels = static_cast<int>(plane.rows());
@@ -17,21 +17,21 @@ void projected_relu(const RowMatrix<T>& plane, int dim, T* x) {
       mixed[c * dim + m] = sum;
     }
   for (int c = 0; c < channels; ++c) {
-    T along = 0, square = 0;
+    T along = 0, length2 = 0;
     for (int m = 0; m < dim; ++m) {
       along += x[c * dim + m] * mixed[c * dim + m];
-      square += mixed[c * dim + m] * mixed[c * dim + m];
+      length2 += mixed[c * dim + m] * mixed[c * dim + m];
     }
     if (along >= 0) continue;
-    const T norm = std::max(std::sqrt(square), static_cast<T>(ops::plane_norm_floor));
-    const T factor = static_cast<T>(1 - ops::leaky_slope) * along / norm;
+    const T norm = std::max(std::sqrt(length2), static_cast<T>(ops::plane_norm_floor));
+    const T factor = static_cast<T>(1 - ops::leaky_slope) * along / (square ? norm * norm : norm);
     for (int m = 0; m < dim; ++m) x[c * dim + m] -= factor * mixed[c * dim + m];
   }
 }
 
 template <class T>
-RowRelu<T>::RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes)
-    : scalars_(fiber.channels({0, 0})) {
+RowRelu<T>::RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes, bool square)
+    : scalars_(fiber.channels({0, 0})), square_(square) {
   for (const auto& [d, plane] : planes)
     parts_.push_back({fiber.offset(d), d.dim(), plane.template cast<T>()});
 }
@@ -39,11 +39,11 @@ RowRelu<T>::RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& plane
 template <class T>
 void RowRelu<T>::apply(T* row) const {
   for (int c = 0; c < scalars_; ++c) row[c] = leaky(row[c]);
-  for (const Part& part : parts_) projected_relu(part.plane, part.dim, row + part.offset);
+  for (const Part& part : parts_) projected_relu(part.plane, square_, part.dim, row + part.offset);
 }
 
-template void projected_relu(const RowMatrix<float>&, int, float*);
-template void projected_relu(const RowMatrix<double>&, int, double*);
+template void projected_relu(const RowMatrix<float>&, bool, int, float*);
+template void projected_relu(const RowMatrix<double>&, bool, int, double*);
 template class RowRelu<float>;
 template class RowRelu<double>;
 
@@ -52,7 +52,7 @@ namespace {
 template <class T>
 class ProjectedReluKernel : public Kernel<T> {
  public:
-  explicit ProjectedReluKernel(const ops::ProjectedRelu& op) : relu_(op.fiber, op.planes) {}
+  explicit ProjectedReluKernel(const ops::ProjectedRelu& op) : relu_(op.fiber, op.planes, op.square) {}
 
   void run(const Arguments& args) const override {
     const std::size_t width = args.out[0].stride();

@@ -10,16 +10,16 @@ T leaky(T x) {
   return x > 0 ? x : static_cast<T>(ops::leaky_slope) * x;
 }
 
-/// x: channels × dim of one degree, in place. plane: channels × channels.
+/// x: channels × dim of one degree, in place. plane: channels × channels. square: ops::ProjectedRelu::square.
 template <class T>
-void projected_relu(const RowMatrix<T>& plane, int dim, T* x);
+void projected_relu(const RowMatrix<T>& plane, bool square, int dim, T* x);
 
 /// One row of a fiber, in place.
 template <class T>
 class RowRelu {
  public:
   RowRelu() = default;
-  RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes);
+  RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes, bool square);
   void apply(T* row) const;
 
  private:
@@ -28,6 +28,7 @@ class RowRelu {
     RowMatrix<T> plane;
   };
   int scalars_ = 0;
+  bool square_ = false;
   std::vector<Part> parts_;
 };
 

@@ -15,6 +15,7 @@ enum class Rows : std::uint8_t {
   key,       ///< every key point of every cloud
   pair,      ///< every pair
   pair_key,  ///< every pair of key points: a node of the 6-D graph
+  one,       ///< the batch
 };
 
 struct BatchLayout {
@@ -46,6 +47,8 @@ struct BatchLayout {
         return pairs();
       case Rows::pair_key:
         return std::size_t{pairs()} * key_points;
+      case Rows::one:
+        return 1;
     }
     return 0;
   }
@@ -64,6 +67,7 @@ struct BatchLayout {
         return std::size_t{segment} * key_points;
       case Rows::cloud:
       case Rows::pair:
+      case Rows::one:
         return segment;
     }
     return 0;

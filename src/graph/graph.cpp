@@ -8,6 +8,8 @@ std::string check_executable(const Graph& graph) {
   std::set<TensorId> made = {graph.positions};
   if (graph.normals != no_tensor) made.insert(graph.normals);
   if (graph.colors != no_tensor) made.insert(graph.colors);
+  if (graph.offsets != no_tensor) made.insert(graph.offsets);
+  if (graph.truth != no_tensor) made.insert(graph.truth);
   for (const Node& node : graph.nodes) {
     if (std::holds_alternative<ops::AttentionLayer>(node.op))
       return node.name + " is still a composite layer";
@@ -16,7 +18,7 @@ std::string check_executable(const Graph& graph) {
     for (TensorId out : node.outputs)
       if (!made.insert(out).second) return node.name + " makes " + graph.tensors[out].name + " again";
   }
-  for (TensorId out : {graph.key_points, graph.pose})
+  for (TensorId out : graph.outputs())
     if (!made.count(out)) return "an output of the graph is never made";
   return "";
 }

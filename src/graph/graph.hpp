@@ -35,11 +35,15 @@ struct Node {
 struct Graph {
   std::vector<TensorInfo> tensors;
   std::vector<Node> nodes;
-  // Filled by the caller before a run. Normals and colours only exist if the model reads them.
-  TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor;
+  // Filled by the caller before a run. Normals, colours and offsets (from the cloud's centroid,
+  // over the root mean square of their lengths) only exist if the model reads them.
+  TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor, offsets = no_tensor;
   // Read by the caller after it.
   TensorId key_points = no_tensor, pose = no_tensor;
   TensorId result = no_tensor;  ///< of a graph that is not the network's
+  // Of a training graph: the true poses (ops/loss.hpp), filled by the caller; the loss.
+  TensorId truth = no_tensor, loss = no_tensor;
+  std::vector<TensorId> kept = {};  ///< others that are read after a run
 
   TensorId add(TensorInfo info) {
     tensors.push_back(std::move(info));
@@ -50,6 +54,13 @@ struct Graph {
   }
   void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs) {
     nodes.push_back({std::move(name), std::move(op), std::move(inputs), std::move(outputs)});
+  }
+  /// Those that a run leaves readable.
+  std::vector<TensorId> outputs() const {
+    std::vector<TensorId> all = kept;
+    for (TensorId id : {key_points, pose, result, loss})
+      if (id != no_tensor) all.push_back(id);
+    return all;
   }
   /// no_tensor when there is none of that name.
   TensorId find(const std::string& name) const {

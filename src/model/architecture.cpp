@@ -33,7 +33,7 @@ Fiber ReluSpec::turned() const {
 
 Architecture architecture(const ModelConfig& config) {
   Architecture net;
-  net.input = {config.get_color, config.return_normals};
+  net.input = {config.get_color, config.return_normals, config.centroid_offset};
 
   const int channels = config.feature_num_channels, coe = config.key_global_merge_coe;
   const Fiber feature{{{0, 0}, channels}, {{1, 0}, channels}};

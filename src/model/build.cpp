@@ -22,8 +22,9 @@ class Builder {
     const ModelConfig& config = weights_.config;
     const Architecture net = architecture(config);
     graph_.positions = graph_.add({.name = "positions", .width = 3, .fiber = {}});
-    const TensorId index = knn("graph.index", graph_.positions, graph_.positions, Rows::point,
-                               {.k = config.k_neighbor, .dim = 3, .exclude_self = true});
+    const TensorId index =
+        knn("graph.index", graph_.positions, graph_.positions, Rows::point,
+            {.k = config.k_neighbor, .dilation = config.neighbor_dilation, .dim = 3, .exclude_self = true});
 
     TensorId feature = input_features(net.input);
     for (std::size_t i = 0; i < net.extractor.size(); ++i) {
@@ -65,6 +66,8 @@ class Builder {
     if (op.colors) inputs.push_back(graph_.colors = graph_.add({.name = "colors", .width = 3, .fiber = {}}));
     if (op.normals)
       inputs.push_back(graph_.normals = graph_.add({.name = "normals", .width = 3, .fiber = {}}));
+    if (op.offsets)
+      inputs.push_back(graph_.offsets = graph_.add({.name = "offsets", .width = 3, .fiber = {}}));
     const TensorId feature = graph_.add("input", Rows::point, op.fiber());
     graph_.append("input", op, inputs, {feature});
     return feature;
@@ -150,7 +153,8 @@ class Builder {
   }
 
   TensorId relu(const ReluSpec& spec, TensorId feature, Rows rows) {
-    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", spec.turned())};
+    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", spec.turned()),
+                          weights_.config.relu_square};
     const TensorId out = graph_.add(spec.stage, rows, spec.fiber);
     graph_.append(spec.stage, std::move(op), {feature}, {out});
     return out;

@@ -26,6 +26,7 @@ constexpr Field fields[] = {
     {"num_key_points", &ModelConfig::num_key_points, 2, 1024},
     {"key_mean_num", &ModelConfig::key_mean_num, 1, 64},
     {"key_global_merge_coe", &ModelConfig::key_global_merge_coe, 1, 256},
+    {"neighbor_dilation", &ModelConfig::neighbor_dilation, 1, 16},
 };
 
 struct Switch {
@@ -34,7 +35,9 @@ struct Switch {
 };
 
 constexpr Switch switches[] = {{"return_normals", &ModelConfig::return_normals},
-                               {"get_color", &ModelConfig::get_color}};
+                               {"get_color", &ModelConfig::get_color},
+                               {"relu_square", &ModelConfig::relu_square},
+                               {"centroid_offset", &ModelConfig::centroid_offset}};
 
 }  // namespace
 

@@ -87,6 +87,7 @@ ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::P
   if (relu) {
     op.relu = true;
     op.planes = relu->planes;
+    op.relu_square = relu->square;
   }
   return op;
 }

@@ -125,6 +125,7 @@ ops::PointAttention point_attention(const ops::AttentionLayer& layer, const ops:
   if (relu) {
     op.relu = true;
     op.plane = relu->planes.at(vector);
+    op.relu_square = relu->square;
   }
   return op;
 }

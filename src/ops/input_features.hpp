@@ -1,5 +1,9 @@
-// input_features: degree (0,0): the constant 0.5, or the colour; degree (1,0), if normals are used: (y, z,
-// x). in  colors T[P, 3] if used, then normals T[P, 3] if used     out T[P, fiber]
+// input_features: what a point starts with.
+//   degree (0,0): the constant 0.5, or the colour; with offsets also |o| and, with normals as well, ⟨n, o⟩
+//   degree (1,0), in the order (y, z, x): the normal n, if used; the offset o, if used
+// The offset is a point's position from its cloud's centroid, over the root mean square of the cloud's
+// offsets: it turns with the cloud, and its length does not change with the cloud's scale. in  those used of:
+// colors T[P, 3], normals T[P, 3], offsets T[P, 3]     out T[P, fiber]
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -11,10 +15,11 @@ constexpr double constant_feature = 0.5;
 struct InputFeatures {
   bool colors = false;
   bool normals = false;
+  bool offsets = false;
 
   irreps::Fiber fiber() const {
-    irreps::Fiber fiber{{{0, 0}, colors ? 3 : 1}};
-    if (normals) fiber.set({1, 0}, 1);
+    irreps::Fiber fiber{{{0, 0}, (colors ? 3 : 1) + (offsets ? 1 : 0) + (offsets && normals ? 1 : 0)}};
+    if (normals || offsets) fiber.set({1, 0}, normals && offsets ? 2 : 1);
     return fiber;
   }
 };

@@ -2,13 +2,14 @@
 // in  queries     T[Q, dim]      in  references  T[P, dim]      (the same tensor when exclude_self)
 // out index       u32[Q, k]      global rows of `references`, ascending (distance, index); ties → lower index
 // Distances are Σ (q − p)² in T, differences taken first; exact in that arithmetic. Every segment of
-// references holds more than k rows (k when the query is not among them).
+// references holds more than k · dilation rows (k · dilation when the query is not among them).
 #pragma once
 
 namespace bitr::ops {
 
 struct Knn {
   int k = 24;
+  int dilation = 1;          ///< of the nearest k · dilation, every so many, the last included
   int dim = 3;               ///< 3, or 6 for pairs of key points
   bool exclude_self = true;  ///< query row i is reference row i and never its own neighbour
 };

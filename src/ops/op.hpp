@@ -12,10 +12,12 @@
 #include "ops/convolve.hpp"
 #include "ops/edge_geometry.hpp"
 #include "ops/extend_features.hpp"
+#include "ops/gradient.hpp"
 #include "ops/head.hpp"
 #include "ops/input_features.hpp"
 #include "ops/knn.hpp"
 #include "ops/linear.hpp"
+#include "ops/loss.hpp"
 #include "ops/mean_direction.hpp"
 #include "ops/merge_pairs.hpp"
 #include "ops/neighbour_attention.hpp"
@@ -24,12 +26,28 @@
 #include "ops/pose.hpp"
 #include "ops/projected_relu.hpp"
 #include "ops/softmax_sum.hpp"
+#include "ops/sum.hpp"
 
 namespace bitr::ops {
 
-using Op =
-    std::variant<AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend, ProjectedRelu,
-                 CloudSoftmax, CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose, MeanDirection,
-                 PointAttention, CloudCoefficients, SoftmaxSum, PairAttention, CgProduct, NeighbourAttention>;
+using Op = std::variant<
+    AttentionLayer, Knn, EdgeGeometry, InputFeatures, Convolve, Linear, Attend, ProjectedRelu, CloudSoftmax,
+    CloudSum, ExtendFeatures, MergePairs, Head, ProjectPose, MeanDirection, PointAttention, CloudCoefficients,
+    SoftmaxSum, PairAttention, CgProduct, NeighbourAttention, Loss, Sum,
+    // Training. As defined:
+    Gradient<EdgeGeometry>, Gradient<Convolve>, Gradient<Linear>, Gradient<Attend>, Gradient<ProjectedRelu>,
+    Gradient<CloudSoftmax>, Gradient<CloudSum>, Gradient<ExtendFeatures>,
+    // folded:
+    Gradient<MeanDirection>, Gradient<PointAttention>, Gradient<CloudCoefficients>, Gradient<SoftmaxSum>,
+    Gradient<PairAttention>,
+    // both:
+    Gradient<MergePairs>, Gradient<Head>, Gradient<ProjectPose>, Gradient<Loss>>;
+
+/// Whether a variant's alternatives include an operation's gradient.
+template <class Operation, class Variant = Op>
+struct has_gradient;
+template <class Operation, class... All>
+struct has_gradient<Operation, std::variant<All...>>
+    : std::bool_constant<(std::is_same_v<Gradient<Operation>, All> || ...)> {};
 
 }  // namespace bitr::ops

@@ -39,6 +39,7 @@ struct PairAttention {
   DegreeMatrices self;     ///< out channels × in channels; empty at scale degree 1
   bool relu = false;
   DegreeMatrices planes;
+  bool relu_square = false;  ///< ops::ProjectedRelu::square
 };
 
 }  // namespace bitr::ops

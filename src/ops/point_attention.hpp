@@ -33,7 +33,8 @@ struct PointAttention {
   Eigen::MatrixXd Mz0, Mz1;  ///< (heads·(c₀+1)) × (c₀+1); (heads·c₁) × c₁, empty without keys there
   Eigen::MatrixXd Oz0, Oz1;  ///< m₀ × (heads·(c₀+1)); m₁ × (heads·c₁)
   bool relu = false;
-  Eigen::MatrixXd plane;  ///< m₁ × m₁ of the projected ReLU
+  Eigen::MatrixXd plane;     ///< m₁ × m₁ of the projected ReLU
+  bool relu_square = false;  ///< ops::ProjectedRelu::square
 
   int n0() const { return c0 + c1 + (direction ? 3 : 0); }
   int n1() const { return c0 + 3 * c1; }

@@ -1,6 +1,6 @@
 // projected_relu: degree (0,0): LeakyReLU(0.2). Otherwise, per channel, with d = W x and p = ⟨x, d⟩:
 //   relu(x) = x where p ≥ 0, else x − d p/|d|;   out = 0.2 x + 0.8 relu(x).   |d| is clamped below by 1e-8.
-// One power of |d|, as in the official code.
+// One power of |d|, as in the official code; two if `square`, which makes out independent of the length of d.
 // in  T[rows, fiber]   out T[rows, fiber]
 #pragma once
 
@@ -13,6 +13,7 @@ constexpr double plane_norm_floor = 1e-8;
 struct ProjectedRelu {
   irreps::Fiber fiber;
   DegreeMatrices planes;  ///< m × m per degree other than (0,0)
+  bool square = false;
 };
 
 }  // namespace bitr::ops

@@ -98,8 +98,7 @@ void Executor::find_inputs() {
   }
   for (TensorId id : read)
     if (!made.count(id)) inputs_.push_back(id);
-  for (TensorId id : {graph_.key_points, graph_.pose, graph_.result})
-    if (id != graph::no_tensor) outputs_.push_back(id);
+  outputs_ = graph_.outputs();
 }
 
 std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout) const {

@@ -55,7 +55,7 @@ inline const std::vector<Network>& networks() {
 }
 
 inline std::size_t least_points(const ModelConfig& config) {
-  return static_cast<std::size_t>(std::max(config.k_neighbor + 1, config.key_mean_num));
+  return static_cast<std::size_t>(std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
 }
 
 inline Device shared_device() {

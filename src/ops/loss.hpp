@@ -1,0 +1,30 @@
+// loss: what training minimises is the mean over pairs of the sum of these terms. R and t map the source onto
+// the reference; r̂[reference, source] is the transpose of the head's r; p₁ = m₁ + a, p₂ = m₂ + b are its
+// pieces.
+//   official  mean((R_gt Rᵀ − 1)²),  mean((t_gt − t)²), through the projection (the paper's, eq. of §5)
+//   direct    2.7 · mean((r̂/max(|r̂|, 1e-5) − R_gt/√3)²),  √(|p₂ − R_gt p₁ − t_gt|² + 1e-4), nothing projected
+//   both      spread: −0.1 · Σ over both clouds of mean_{c,c'} min(|x_c − x_c'|₁, 0.1), all pairs of key
+//   points
+// in  official: pose T[pairs, 16]; direct: pieces T[pairs, 21]
+// in  truth T[pairs, 12]: R_gt (9, row-major), t_gt (3)     in  key points T[clouds·K, 3]
+// out T[pairs, 3]: rotation, translation, spread
+// Its gradient is that of the mean over pairs of their sum, so that it is given none. |r̂| counts as a
+// constant where it is floored only.
+#pragma once
+
+#include <cstdint>
+
+namespace bitr::ops {
+
+enum class LossKind : std::uint8_t { official, direct };
+
+constexpr int truth_width = 12;
+constexpr int loss_terms = 3;
+constexpr double spread_weight = 0.1, spread_reach = 0.1;
+constexpr double direct_rotation_weight = 2.7, direct_softening = 1e-4;
+
+struct Loss {
+  LossKind kind = LossKind::direct;
+};
+
+}  // namespace bitr::ops
