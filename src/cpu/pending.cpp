@@ -12,7 +12,6 @@ namespace bitr::cpu {
   template KernelPtr<float> make_kernel(const Operation&);              \
   template KernelPtr<double> make_kernel(const Operation&);
 
-BITR_PENDING(ops::Loss)
 BITR_PENDING(ops::Gradient<ops::EdgeGeometry>)
 BITR_PENDING(ops::Gradient<ops::Convolve>)
 BITR_PENDING(ops::Gradient<ops::Linear>)
@@ -26,9 +25,5 @@ BITR_PENDING(ops::Gradient<ops::PointAttention>)
 BITR_PENDING(ops::Gradient<ops::CloudCoefficients>)
 BITR_PENDING(ops::Gradient<ops::SoftmaxSum>)
 BITR_PENDING(ops::Gradient<ops::PairAttention>)
-BITR_PENDING(ops::Gradient<ops::MergePairs>)
-BITR_PENDING(ops::Gradient<ops::Head>)
-BITR_PENDING(ops::Gradient<ops::ProjectPose>)
-BITR_PENDING(ops::Gradient<ops::Loss>)
 
 }  // namespace bitr::cpu
