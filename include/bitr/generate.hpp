@@ -61,7 +61,7 @@ struct GeneratedPair {
   Pose T_reference_source;
   Pose T_source_object;    ///< from the frame of the whole object to the source's
   double overlap = 0;      ///< share of the object's points in the part that both clouds cover: 1 for a copy
-  Symmetry symmetry = {};  ///< of the whole object, where neither a break nor its points tell its turns apart
+  Symmetry symmetry = {};  ///< of the whole object, though a break or equal points may tell its turns apart
 };
 
 struct GeneratedKind {
@@ -100,7 +100,7 @@ struct CropOptions {
 };
 
 /// Two crops of a cloud, each turned by a random rotation (uniform) and moved; overlap is the share of the
-/// cloud's points that both kept. A side keeps round(s · points), at least 1. `invalid_argument` when an
+/// cloud's points that both kept. A side keeps floor(s · points), at least 1. `invalid_argument` when an
 /// option is out of its range or the cloud has less than 2 points.
 Result<GeneratedPair> crop_pair(const PointCloud& cloud, const CropOptions& options = {});
 

@@ -12,14 +12,14 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 Break::Break(double roughness, Random& random)
-    : relief_(roughness, random), slope_(std::hypot(1, relief_.steepest(solid_radius))) {
+    : relief_(roughness, random), most_area_(std::hypot(1, relief_.steep(solid_radius))) {
   const auto rotation = random.rotation();
   axes_ = Eigen::Map<const Eigen::Matrix3d>(rotation.data());
 }
 
 double Break::operator()(const Vector3d& at) const {
   const Vector3d local = axes_ * at;
-  return (local.z() - relief_.height(local.head<2>())) / slope_ - offset_;
+  return local.z() - relief_.height(local.head<2>()) - offset_;
 }
 
 void Break::divide(const PointCloud& cloud, double share) {
@@ -31,39 +31,42 @@ void Break::divide(const PointCloud& cloud, double share) {
   offset_ += *at;
 }
 
-double Break::weight() const { return std::numbers::pi * solid_radius * solid_radius * slope_; }
+double Break::weight() const { return std::numbers::pi * solid_radius * solid_radius * most_area_; }
 
 void Break::trial(const Shape& whole, Random& random, std::vector<SurfacePoint>& points) const {
-  const double radius = solid_radius * std::sqrt(random.uniform());
-  const double angle = random.uniform(0, 2 * std::numbers::pi), accept = random.uniform();
-  const Vector2d below(radius * std::cos(angle), radius * std::sin(angle));
-  const double height = relief_.height(below) + slope_ * offset_;
+  const double accept = random.uniform();
+  Vector2d below;
+  do below = {random.uniform(-solid_radius, solid_radius), random.uniform(-solid_radius, solid_radius)};
+  while (below.squaredNorm() >= solid_radius * solid_radius);
+  const double height = relief_.height(below) + offset_;
   const Vector3d at = axes_.transpose() * Vector3d(below.x(), below.y(), height);
   if (!whole.inside(at)) return;
   const Vector2d slope = relief_.slope(below);
-  const double area = std::sqrt(1 + slope.squaredNorm());  // over a unit of area of the plane below
-  if (accept * slope_ >= area) return;
+  const double area = std::sqrt(1 + slope.squaredNorm());
+  if (accept * most_area_ >= area) return;
   points.push_back({at, axes_.transpose() * Vector3d(-slope.x(), -slope.y(), 1) / area});
 }
 
 Fragments sample_fragments(const Shape& whole, const Break& crack, std::size_t count, Random& random) {
-  // A point of the whole belongs to one fragment, a point of the break to both: each gets every other one of
-  // those, which are drawn twice as often.
-  const double weight = whole.weight() + 2 * crack.weight();
   Fragments fragments;
   for (PointCloud* cloud : {&fragments.below, &fragments.above}) {
     cloud->positions.reserve(count);
     cloud->normals.reserve(count);
   }
   std::vector<SurfacePoint> points;
-  while (fragments.below.size() < count || fragments.above.size() < count) {
+  for (;;) {
+    const bool need_below = fragments.below.size() < count, need_above = fragments.above.size() < count;
+    if (!need_below && !need_above) return fragments;
     points.clear();
+    // A point of the whole belongs to one fragment, a point of the break to both: while both need points,
+    // each gets every other one of those, which are drawn twice as often.
+    const double weight = whole.weight() + (need_below && need_above ? 2 : 1) * crack.weight();
     if (random.uniform() * weight < whole.weight()) {
       whole.trial(random, points);
       for (const SurfacePoint& point : points)
         append(crack(point.position) < 0 ? fragments.below : fragments.above, point, count);
     } else {
-      const bool below = random.uniform() < 0.5;
+      const bool below = need_below && (!need_above || random.uniform() < 0.5);
       crack.trial(whole, random, points);
       for (SurfacePoint& point : points) {
         if (!below) point.normal = -point.normal;
@@ -71,7 +74,6 @@ Fragments sample_fragments(const Shape& whole, const Break& crack, std::size_t c
       }
     }
   }
-  return fragments;
 }
 
 }  // namespace bitr::generate

@@ -9,8 +9,8 @@
 
 namespace bitr::generate {
 
-/// A rough, curved surface through the ball of solid_radius. Its sides are where the value is below and above
-/// 0; |value| never exceeds the distance from the surface.
+/// A rough, curved surface through the ball of solid_radius. Its sides are where the value, the height above
+/// it, is below and above 0.
 class Break {
  public:
   /// `roughness`: standard deviation of the relief.
@@ -20,14 +20,15 @@ class Break {
   /// Moves the surface so that `share` of the points are below it.
   void divide(const PointCloud& cloud, double share);
 
-  /// As of a Shape; the points are spread over the break within the ball, the normals point to where the
-  /// value is above 0. A trial gives one point at most, and only if it is inside `whole`.
+  /// As of a Shape; the points are spread over the break within the ball, uniform by area but for the few
+  /// places that are steeper than most, and the normals point to where the value is above 0. A trial gives
+  /// one point at most, and only if it is inside `whole`.
   double weight() const;
   void trial(const Shape& whole, Random& random, std::vector<SurfacePoint>& points) const;
 
  private:
   Relief relief_;
-  double slope_;  ///< dividing by it makes the height difference a bound on the distance
+  double most_area_;  ///< over a unit of area of the plane below, nearly everywhere
   Eigen::Matrix3d axes_;
   double offset_ = 0;
 };

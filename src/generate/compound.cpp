@@ -22,9 +22,9 @@ std::vector<Vector3d> Compound::measure(std::size_t member) {
   std::vector<Vector3d> grid;
   Box& box = members_[member].box;
   for (int i = 0; i <= rows; ++i)
-    for (int j = 0; j <= columns; ++j) {
-      grid.push_back(part.at(i, j));
-      box.include(grid.back());
+    for (const Vector3d& at : part.outline(i)) {
+      grid.push_back(at);
+      box.include(at);
     }
   const Vector3d margin = Vector3d::Constant(bulge * (box.high - box.low).maxCoeff());
   box.low -= margin;
@@ -33,7 +33,7 @@ std::vector<Vector3d> Compound::measure(std::size_t member) {
   const auto corner = [&](int i, int j) -> const Vector3d& {
     return grid[static_cast<std::size_t>(i) * (columns + 1) + j];
   };
-  double weight = weight_up_to_.empty() ? 0 : weight_up_to_.back();
+  double weight = cells_.empty() ? 0 : cells_.back().weight_up_to;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < columns; ++j) {
       const Vector3d up[] = {corner(i + 1, j) - corner(i, j), corner(i + 1, j + 1) - corner(i, j + 1)};
@@ -44,9 +44,8 @@ std::vector<Vector3d> Compound::measure(std::size_t member) {
       if (largest == 0) continue;
       // Area per cell at the corners; in between, where the surface bends, it is a little more.
       weight += 1.15 * std::sqrt(largest);
-      weight_up_to_.push_back(weight);
-      cells_.push_back(
-          {static_cast<std::uint16_t>(member), static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j)});
+      cells_.push_back({weight, static_cast<std::uint16_t>(member), static_cast<std::uint16_t>(i),
+                        static_cast<std::uint16_t>(j)});
     }
   return grid;
 }
@@ -63,6 +62,23 @@ void Compound::finish(std::optional<Vector3d> middle) {
   double reach = 0;
   for (const Vector3d& at : outline) reach = std::max(reach, (at - middle_).squaredNorm());
   scale_ = solid_radius / (1 + bulge) / std::sqrt(reach);
+
+  for (Member& member : members_)
+    for (std::size_t i = 0; i < members_.size(); ++i)
+      if (&member != &members_[i] && member.box.meets(members_[i].box))
+        member.around.push_back(static_cast<std::uint16_t>(i));
+  for (std::size_t i = 0, cell = 0; i < cells_.size(); ++i) {
+    const double share = static_cast<double>(i) / static_cast<double>(cells_.size());
+    while (cells_[cell].weight_up_to <= share * cells_.back().weight_up_to) ++cell;
+    guide_.push_back(static_cast<std::uint32_t>(cell));
+  }
+}
+
+std::size_t Compound::pick(double share) const {
+  const double weight = share * cells_.back().weight_up_to;
+  std::size_t cell = guide_[static_cast<std::size_t>(share * static_cast<double>(cells_.size()))];
+  while (cells_[cell].weight_up_to <= weight && cell + 1 < cells_.size()) ++cell;
+  return cell;
 }
 
 bool Compound::inside(const Vector3d& at) const {
@@ -79,8 +95,8 @@ bool Compound::inside(const Vector3d& at) const {
 
 bool Compound::exposed(const Vector3d& at, std::size_t member) const {
   bool within = false;
-  for (std::size_t i = 0; i < members_.size(); ++i) {
-    if (i == member || (within && !members_[i].hollow) || !members_[i].contains(at)) continue;
+  for (const std::size_t i : members_[member].around) {
+    if ((within && !members_[i].hollow) || !members_[i].contains(at)) continue;
     if (members_[i].hollow || !members_[member].hollow) return false;
     within = true;
   }
@@ -88,21 +104,13 @@ bool Compound::exposed(const Vector3d& at, std::size_t member) const {
 }
 
 void Compound::trial(Random& random, std::vector<SurfacePoint>& points) const {
-  const double pick = random.uniform() * weight_up_to_.back();
-  const auto found = static_cast<std::size_t>(
-      std::upper_bound(weight_up_to_.begin(), weight_up_to_.end() - 1, pick) - weight_up_to_.begin());
-  const double bound = weight_up_to_[found] - (found ? weight_up_to_[found - 1] : 0);
-  const Cell cell = cells_[found];
+  const std::size_t found = pick(random.uniform());
+  const Cell& cell = cells_[found];
+  const double bound = cell.weight_up_to - (found ? cells_[found - 1].weight_up_to : 0);
   const Member& member = members_[cell.member];
 
-  // The derivatives stay within the cell, beyond which the surface may turn sharply.
-  constexpr double step = 1e-5;
   const double row = random.uniform(), column = random.uniform(), accept = random.uniform();
-  const double row_step = row < 0.5 ? step : -step, column_step = column < 0.5 ? step : -step;
-  const Vector3d at = member.part->at(cell.row + row, cell.column + column);
-  const Vector3d by_row = (member.part->at(cell.row + row + row_step, cell.column + column) - at) / row_step;
-  const Vector3d by_column =
-      (member.part->at(cell.row + row, cell.column + column + column_step) - at) / column_step;
+  const auto [at, by_row, by_column] = member.part->place(cell.row + row, cell.column + column);
   const Vector3d outwards = by_column.cross(by_row);
   const double area = outwards.norm();
   if (!(accept * bound < area) || !exposed(at, cell.member)) return;

@@ -16,15 +16,15 @@ namespace bitr::generate {
 /// what of a part lies within another is not on it.
 class Compound : public Shape {
  public:
-  void add(std::unique_ptr<Part> part) { members_.push_back({std::move(part), false, {}}); }
-  void take_away(std::unique_ptr<Part> part) { members_.push_back({std::move(part), true, {}}); }
+  void add(std::unique_ptr<Part> part) { members_.push_back({std::move(part), false, {}, {}}); }
+  void take_away(std::unique_ptr<Part> part) { members_.push_back({std::move(part), true, {}, {}}); }
   /// Once every part is there: moves `middle` (the bounding box's, if none is given) to the origin and scales
   /// everything to fit in the ball of solid_radius.
   void finish(std::optional<Eigen::Vector3d> middle = {});
   void set_symmetry(const Symmetry& symmetry) { symmetry_ = symmetry; }
 
   bool inside(const Eigen::Vector3d& at) const override;
-  double weight() const override { return weight_up_to_.back() * scale_ * scale_; }
+  double weight() const override { return cells_.back().weight_up_to * scale_ * scale_; }
   void trial(Random& random, std::vector<SurfacePoint>& points) const override;
   Symmetry symmetry() const override { return symmetry_; }
 
@@ -38,23 +38,30 @@ class Compound : public Shape {
     bool contains(const Eigen::Vector3d& at) const {
       return (at.array() >= low.array()).all() && (at.array() <= high.array()).all();
     }
+    bool meets(const Box& other) const {
+      return (low.array() <= other.high.array()).all() && (other.low.array() <= high.array()).all();
+    }
   };
   struct Member {
     std::unique_ptr<Part> part;
     bool hollow;
     Box box;
+    std::vector<std::uint16_t> around;  ///< the members whose boxes meet this one's
     bool contains(const Eigen::Vector3d& at) const { return box.contains(at) && part->contains(at); }
   };
   struct Cell {
+    double weight_up_to;  ///< of all cells so far, in the parts' units
     std::uint16_t member, row, column;
   };
   /// The grid of a part, row by row; with it come its box and its cells.
   std::vector<Eigen::Vector3d> measure(std::size_t member);
+  /// A cell with a probability in proportion to its own weight, for a number uniform in [0, 1).
+  std::size_t pick(double share) const;
   bool exposed(const Eigen::Vector3d& at, std::size_t member) const;
 
   std::vector<Member> members_;
   std::vector<Cell> cells_;
-  std::vector<double> weight_up_to_;  ///< of the cells, in the parts' units
+  std::vector<std::uint32_t> guide_;  ///< which cell to look from, for evenly spaced shares of the weight
   Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
   double scale_ = 1;
   Symmetry symmetry_;

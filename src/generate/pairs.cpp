@@ -52,7 +52,7 @@ GeneratedPair sample_twice(const Shape& shape, std::size_t count, bool same_poin
   pair.source = sample(shape, count, random);
   pair.reference = same_points ? pair.source : sample(shape, count, random);
   pair.overlap = 1;
-  if (!same_points) pair.symmetry = shape.symmetry();
+  pair.symmetry = shape.symmetry();
   return pair;
 }
 
@@ -70,6 +70,7 @@ GeneratedPair break_in_two(const Shape& shape, std::size_t count, double roughne
   Break crack(roughness, cut);
   crack.divide(sample(shape, 500, cut), cut.uniform(0.4, 0.6));
   GeneratedPair pair;
+  pair.symmetry = shape.symmetry();
   auto [below, above] = sample_fragments(shape, crack, count, random);
   pair.source = std::move(below);
   pair.reference = std::move(above);

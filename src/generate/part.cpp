@@ -12,16 +12,17 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Half the thickness of the symmetric four-digit section, 1 at its thickest; `p` is 1 at the leading edge and
-// -1 at the trailing edge.
-double airfoil(double p) {
-  const double chord = std::clamp((1 - p) / 2, 0.0, 1.0);
+// Half the thickness of the symmetric four-digit section, 1 at its thickest, a share `chord` of its length
+// behind the leading edge.
+double airfoil(double chord) {
   return 10 * (0.2969 * std::sqrt(chord) +
                chord * (-0.1260 + chord * (-0.3516 + chord * (0.2843 - 0.1036 * chord))));
 }
 
+// How far a lip with a beak reaches at an angle from its middle.
+constexpr double beak_width = 0.45;
 double reach(double beak, double angle) {
-  return beak == 0 ? 1 : 1 + beak * std::exp(-angle * angle / (0.45 * 0.45));
+  return beak == 0 ? 1 : 1 + beak * std::exp(-angle * angle / (beak_width * beak_width));
 }
 
 }  // namespace
@@ -39,6 +40,12 @@ Part::Ring Part::ring(double row) const {
   const double share = row - static_cast<double>(below);
   const Ring &a = rings_[below], &b = rings_[below + 1];
   return {a.along + share * (b.along - a.along), a.scale + share * (b.scale - a.scale)};
+}
+
+Part::Ring Part::ring_step(double row) const {
+  const auto below = static_cast<std::size_t>(std::clamp(row, 0.0, rows() - 1.0));
+  const Ring &a = rings_[below], &b = rings_[below + 1];
+  return {b.along - a.along, b.scale - a.scale};
 }
 
 double Part::angle(double column) const { return 2 * std::numbers::pi * column / columns_; }
@@ -59,26 +66,59 @@ bool Loft::contains(const Vector3d& at) const {
   if (along <= first_ || along >= last_) return false;
   const Section section = cut_(along);
   const double p = (u_.dot(at) - section.u) / section.half_u, q = (v_.dot(at) - section.v) / section.half_v;
-  if (outline_ == Outline::airfoil) return std::abs(p) < 1 && std::abs(q) < airfoil(p);
+  if (outline_ == Outline::airfoil) return std::abs(p) < 1 && std::abs(q) < airfoil((1 - p) / 2);
   const double limit = section.beak == 0 ? 1 : reach(section.beak, std::atan2(q, p));
   return p * p + q * q < limit * limit;
 }
 
-Vector3d Loft::at(double row, double column) const {
-  const auto [along, scale] = ring(row);
-  const Section section = cut_(along);
-  double turn = angle(column);
-  double p = std::cos(turn), q = std::sin(turn);
+Loft::Unit Loft::unit(double beak, double turn) const {
+  const double cosine = std::cos(turn), sine = std::sin(turn);
   if (outline_ == Outline::airfoil) {
-    q = std::copysign(airfoil(p), q);
-  } else if (section.beak != 0) {
-    if (turn > std::numbers::pi) turn -= 2 * std::numbers::pi;
-    const double factor = reach(section.beak, turn);
-    p *= factor;
-    q *= factor;
+    // The chord is sin²(turn/2), whose root is smooth over the leading edge.
+    const double chord = std::clamp((1 - cosine) / 2, 0.0, 1.0), side = turn <= std::numbers::pi ? 1 : -1;
+    const double slope = -0.1260 + chord * (-0.7032 + chord * (0.8529 - 0.4144 * chord));
+    return {cosine, side * airfoil(chord), -sine, side * 5 * (0.2969 * std::cos(turn / 2) + slope * sine)};
   }
-  return along * axis_ + (section.u + scale * section.half_u * p) * u_ +
-         (section.v + scale * section.half_v * q) * v_;
+  if (beak == 0) return {cosine, sine, -sine, cosine};
+  if (turn > std::numbers::pi) turn -= 2 * std::numbers::pi;
+  const double factor = reach(beak, turn), slope = -2 * turn / (beak_width * beak_width) * (factor - 1);
+  return {factor * cosine, factor * sine, slope * cosine - factor * sine, slope * sine + factor * cosine};
+}
+
+Vector3d Loft::at(const Ring& ring, const Section& section, const Unit& unit) const {
+  return ring.along * axis_ + (section.u + ring.scale * section.half_u * unit.p) * u_ +
+         (section.v + ring.scale * section.half_v * unit.q) * v_;
+}
+
+Part::Place Loft::place(double row, double column) const {
+  const Ring here = ring(row), step = ring_step(row);
+  const Section section = cut_(here.along);
+  const double turn = angle(column), per_column = 2 * std::numbers::pi / columns();
+  const Unit unit = this->unit(section.beak, turn);
+  Place place;
+  place.at = at(here, section, unit);
+  place.by_column = here.scale * per_column *
+                    (section.half_u * unit.by_angle_p * u_ + section.half_v * unit.by_angle_q * v_);
+  if (step.along == 0) {
+    place.by_row = step.scale * (section.half_u * unit.p * u_ + section.half_v * unit.q * v_);
+    return place;
+  }
+  // The difference stays within the cell, beyond which the surface may turn sharply.
+  const double share = row - std::floor(row) < 0.5 ? 1e-5 : -1e-5;
+  const Section next = cut_(here.along + share * step.along);
+  place.by_row = (at({here.along + share * step.along, here.scale}, next,
+                     next.beak == section.beak ? unit : this->unit(next.beak, turn)) -
+                  place.at) /
+                 share;
+  return place;
+}
+
+std::vector<Vector3d> Loft::outline(int row) const {
+  const Ring here = ring(row);
+  const Section section = cut_(here.along);
+  std::vector<Vector3d> points;
+  for (int j = 0; j <= columns(); ++j) points.push_back(at(here, section, unit(section.beak, angle(j))));
+  return points;
 }
 
 Bow::Bow(const Tube& tube) : Part(even_steps(0, 1, 20), 16), tube_(tube) {
@@ -128,13 +168,27 @@ bool Bow::contains(const Vector3d& at) const {
              .norm() < 1;
 }
 
-Vector3d Bow::at(double row, double column) const {
-  const auto [t, scale] = ring(row);
-  const double turn = angle(column);
-  return point(t) +
-         scale * std::lerp(tube_.half_in[0], tube_.half_in[1], t) * std::cos(turn) *
-             tube_.across.cross(velocity(t).normalized()) +
-         scale * std::lerp(tube_.half_across[0], tube_.half_across[1], t) * std::sin(turn) * tube_.across;
+Part::Place Bow::place(double row, double column) const {
+  const Ring here = ring(row), step = ring_step(row);
+  const double t = here.along, turn = angle(column), per_column = 2 * std::numbers::pi / columns();
+  const double in = std::lerp(tube_.half_in[0], tube_.half_in[1], t),
+               across = std::lerp(tube_.half_across[0], tube_.half_across[1], t);
+  const Vector3d speed = velocity(t), along = speed.normalized(), side = tube_.across.cross(along);
+  const Vector3d bend = acceleration(t), turning = (bend - along.dot(bend) * along) / speed.norm();
+  const double cosine = std::cos(turn), sine = std::sin(turn);
+  const Vector3d radial = in * cosine * side + across * sine * tube_.across;
+  const Vector3d growth = (tube_.half_in[1] - tube_.half_in[0]) * cosine * side +
+                          (tube_.half_across[1] - tube_.half_across[0]) * sine * tube_.across;
+  return {point(t) + here.scale * radial,
+          step.along * (speed + here.scale * (growth + in * cosine * tube_.across.cross(turning))) +
+              step.scale * radial,
+          here.scale * per_column * (-in * sine * side + across * cosine * tube_.across)};
+}
+
+std::vector<Vector3d> Bow::outline(int row) const {
+  std::vector<Vector3d> points;
+  for (int j = 0; j <= columns(); ++j) points.push_back(place(row, j).at);
+  return points;
 }
 
 std::vector<double> even_steps(double low, double high, int count) {

@@ -14,8 +14,13 @@ class Part {
   virtual ~Part() = default;
   virtual bool contains(const Eigen::Vector3d& at) const = 0;
   /// The surface over [0, rows()] × [0, columns()]; smooth within each cell, closed over the columns and at
-  /// both ends. ∂at/∂column × ∂at/∂row points outwards.
-  virtual Eigen::Vector3d at(double row, double column) const = 0;
+  /// both ends. by_column × by_row points outwards.
+  struct Place {
+    Eigen::Vector3d at, by_row, by_column;  ///< and its derivatives
+  };
+  virtual Place place(double row, double column) const = 0;
+  /// Where the columns 0 … columns() are in a row.
+  virtual std::vector<Eigen::Vector3d> outline(int row) const = 0;
 
   int rows() const { return static_cast<int>(rings_.size()) - 1; }
   int columns() const { return columns_; }
@@ -27,6 +32,7 @@ class Part {
   };
   Part(const std::vector<double>& stations, int columns);
   Ring ring(double row) const;
+  Ring ring_step(double row) const;  ///< to the next row's
   double angle(double column) const;
 
  private:
@@ -55,9 +61,17 @@ class Loft : public Part {
        const std::vector<double>& stations, int columns);
 
   bool contains(const Eigen::Vector3d& at) const override;
-  Eigen::Vector3d at(double row, double column) const override;
+  Place place(double row, double column) const override;
+  std::vector<Eigen::Vector3d> outline(int row) const override;
 
  private:
+  /// A place on the outline of a section with half extents of 1, and its derivatives by the angle.
+  struct Unit {
+    double p, q, by_angle_p, by_angle_q;
+  };
+  Unit unit(double beak, double turn) const;
+  Eigen::Vector3d at(const Ring& ring, const Section& section, const Unit& unit) const;
+
   Eigen::Vector3d axis_, u_, v_;
   Outline outline_;
   Cut cut_;
@@ -76,7 +90,8 @@ class Bow : public Part {
   explicit Bow(const Tube& tube);
 
   bool contains(const Eigen::Vector3d& at) const override;
-  Eigen::Vector3d at(double row, double column) const override;
+  Place place(double row, double column) const override;
+  std::vector<Eigen::Vector3d> outline(int row) const override;
 
  private:
   Eigen::Vector3d point(double t) const;

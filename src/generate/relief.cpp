@@ -65,11 +65,13 @@ Eigen::Vector2d Relief::slope(const Eigen::Vector2d& at) const {
   return slope;
 }
 
-double Relief::steepest(double radius) const {
-  double slope = 2 * radius * curvature_.norm();
-  for (int i = 0; i < waves; ++i)
-    slope += two_pi * amplitude_[i] * std::hypot(frequency_x_[i], frequency_y_[i]);
-  return slope;
+double Relief::steep(double radius) const {
+  double square = 0;
+  for (int i = 0; i < waves; ++i) {
+    const double most = two_pi * amplitude_[i] * std::hypot(frequency_x_[i], frequency_y_[i]);
+    square += most * most / 2;
+  }
+  return 2 * radius * curvature_.norm() + 2.5 * std::sqrt(square);
 }
 
 }  // namespace bitr::generate

@@ -18,8 +18,8 @@ class Relief {
   double height(const Eigen::Vector2d& at) const;
   /// The height's gradient.
   Eigen::Vector2d slope(const Eigen::Vector2d& at) const;
-  /// No slope within `radius` of the origin is steeper.
-  double steepest(double radius) const;
+  /// Less than one place in 200 within `radius` of the origin is steeper.
+  double steep(double radius) const;
 
  private:
   static constexpr int octaves = 4, waves_per_octave = 5, waves = octaves * waves_per_octave;

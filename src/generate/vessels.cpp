@@ -212,7 +212,7 @@ std::unique_ptr<Shape> random_vessel(Random& random) {
         up, x, Outline::round,
         [=, floor = plan.floor](double height) {
           // The wall is measured along its normal, but where it leans far over.
-          const double lean = std::min(std::sqrt(1 + outer.slope(height) * outer.slope(height)), 2.5);
+          const double slope = outer.slope(height), lean = std::min(std::sqrt(1 + slope * slope), 2.5);
           const double above = std::min(1.0, (height - floor) / 0.12);
           const double rounding = std::sqrt(1 - 0.6 * (1 - above) * (1 - above));
           const double radius = std::max(outer(height) - wall * lean, 0.3 * wall) * rounding;

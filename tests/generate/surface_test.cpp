@@ -54,21 +54,23 @@ TEST(Solid, FieldNeverExceedsTheDistanceAndStaysInItsBall) {
   }
 }
 
-TEST(Relief, WavesHaveTheirDeviationAndSlopeItsBound) {
+TEST(Relief, WavesHaveTheirDeviationAndFewPlacesAreSteep) {
   const double deviation = 0.03;
   const int samples = 20'000;
   // The same draws at two roughnesses differ by the waves alone, without the curved base.
   Random random(3), same(3), points(4);
   const Relief rough(deviation, random), smooth(0, same);
   double square = 0;
+  int steep = 0;
   for (int i = 0; i < samples; ++i) {
     const Eigen::Vector2d anywhere(points.uniform(-50, 50), points.uniform(-50, 50));
     const double wave = rough.height(anywhere) - smooth.height(anywhere);
     square += wave * wave / samples;
 
-    const Eigen::Vector2d near(points.uniform(-0.35, 0.35), points.uniform(-0.35, 0.35)), step(1e-6, 0);
-    EXPECT_LE(std::abs(rough.height(near + step) - rough.height(near)) / 1e-6, rough.steepest(0.5));
+    const Eigen::Vector2d near(points.uniform(-0.35, 0.35), points.uniform(-0.35, 0.35));
+    steep += rough.slope(near).norm() > rough.steep(0.5);
   }
+  EXPECT_LT(steep, samples / 200);
   EXPECT_NEAR(std::sqrt(square), deviation, 0.05 * deviation);
 }
 
