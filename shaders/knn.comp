@@ -3,9 +3,10 @@
 // in  1 references f32[P,D4]     segment s owns rows offsets[s] .. offsets[s+1]
 // in  2 tiles      u32[tiles,4]  segment, first query, query past the last, tile within the segment
 // in  3 offsets    u32[S+1]
-// mod 4 index      u32[Q,K]      ascending (distance, index); ties → lower index
-// mod 5 distance   f32[Q,K]      squared, between dispatches over parts of the references
-// spec 0 WORKGROUP=32  1 K≤64  2 DIM≤8  3 EXCLUDE_SELF | grid tiles | shared 0 KiB
+// out 4 index      u32[Q,K]      ascending (distance, index); ties → lower index; of the nearest K · DILATION, every
+//                                DILATION-th; K · DILATION ≤ 128
+// mod 5 found      u32[Q,K·DILATION,2] squared distance and row, between dispatches over parts of the references
+// spec 0 WORKGROUP=32  1 K≤64  2 DIM≤8  3 EXCLUDE_SELF  4 DILATION≤16 | grid tiles | shared 0 KiB
 // loops ≤ references/8 + references = 36864 < 65535 | error: indices equal to cpu/knn | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -20,7 +21,9 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int K = 24;
 layout(constant_id = 2) const int DIM = 3;
 layout(constant_id = 3) const bool EXCLUDE_SELF = true;
+layout(constant_id = 4) const int DILATION = 1;
 
+const int NEAREST = K * DILATION;
 const int VECTORS = (DIM + 3) / 4;
 const int BATCH = 8;
 #define INFINITY uintBitsToFloat(0x7f800000u)
@@ -29,8 +32,8 @@ layout(set = 0, binding = 0) readonly buffer Queries { vec4 queries[]; };
 layout(set = 0, binding = 1) readonly buffer References { vec4 references[]; };
 layout(set = 0, binding = 2) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 3) readonly buffer Offsets { uint offsets[]; };
-layout(set = 0, binding = 4) buffer Index { uint index[]; };
-layout(set = 0, binding = 5) buffer Distance { float distance[]; };
+layout(set = 0, binding = 4) writeonly buffer Index { uint index[]; };
+layout(set = 0, binding = 5) buffer Found { uvec2 found[]; };
 layout(push_constant) uniform Push { KnnParameters p; };
 
 vec4 candidate(vec4 loaded, uint row, int i) {
@@ -62,18 +65,19 @@ void main() {
 
   const vec4 query0 = queries[row * VECTORS];
   const vec4 query1 = VECTORS > 1 ? queries[row * VECTORS + 1] : vec4(0);
-  const uint out_row = (row - p.first_row) * K;
+  const uint out_row = row - p.first_row;
 
-  float nearest[K];
-  uint nearest_row[K];
-  [[unroll]] for (int j = 0; j < K; ++j) {
+  float nearest[NEAREST];
+  uint nearest_row[NEAREST];
+  [[unroll]] for (int j = 0; j < NEAREST; ++j) {
     nearest[j] = INFINITY;
     nearest_row[j] = segment_begin;
   }
   if (p.first_reference > 0) {
-    [[unroll]] for (int j = 0; j < K; ++j) {
-      nearest[j] = distance[out_row + j];
-      nearest_row[j] = index[out_row + j];
+    [[unroll]] for (int j = 0; j < NEAREST; ++j) {
+      const uvec2 before = found[out_row * NEAREST + j];
+      nearest[j] = uintBitsToFloat(before.x);
+      nearest_row[j] = before.y;
     }
   }
 
@@ -94,31 +98,32 @@ void main() {
       d[i] = base + i < end && !(EXCLUDE_SELF && base + i == row) ? sum : INFINITY;
       least = min(least, d[i]);
     }
-    while (least < nearest[K - 1]) {
-      uint found = end;
+    while (least < nearest[NEAREST - 1]) {
+      uint from = end;
       [[unroll]] for (int i = BATCH - 1; i >= 0; --i)
-        if (d[i] == least) found = base + i;
-      [[unroll]] for (int j = K - 1; j > 0; --j) {
+        if (d[i] == least) from = base + i;
+      [[unroll]] for (int j = NEAREST - 1; j > 0; --j) {
         const bool before = least < nearest[j - 1];
-        nearest_row[j] = before ? nearest_row[j - 1] : least < nearest[j] ? found : nearest_row[j];
+        nearest_row[j] = before ? nearest_row[j - 1] : least < nearest[j] ? from : nearest_row[j];
         nearest[j] = before ? nearest[j - 1] : min(least, nearest[j]);
       }
       if (least < nearest[0]) {
         nearest[0] = least;
-        nearest_row[0] = found;
+        nearest_row[0] = from;
       }
       least = INFINITY;
       [[unroll]] for (int i = 0; i < BATCH; ++i) {
-        d[i] = base + i == found ? INFINITY : d[i];
+        d[i] = base + i == from ? INFINITY : d[i];
         least = min(least, d[i]);
       }
     }
   }
 
-  if (tile.y + gl_LocalInvocationID.x < tile.z) {
-    [[unroll]] for (int j = 0; j < K; ++j) index[out_row + j] = nearest_row[j];
-    if (end < segment_end) {
-      [[unroll]] for (int j = 0; j < K; ++j) distance[out_row + j] = nearest[j];
-    }
+  if (tile.y + gl_LocalInvocationID.x >= tile.z || (p.first_reference > 0 && begin >= segment_end)) return;
+  if (end == segment_end) {
+    [[unroll]] for (int j = 0; j < K; ++j) index[out_row * K + j] = nearest_row[(j + 1) * DILATION - 1];
+  } else {
+    [[unroll]] for (int j = 0; j < NEAREST; ++j)
+      found[out_row * NEAREST + j] = uvec2(floatBitsToUint(nearest[j]), nearest_row[j]);
   }
 }

@@ -5,9 +5,10 @@
 // in  1 tiles   u32[tiles,4]
 // in  2 offsets u32[clouds+1]
 // in  3 boxes   f32[nodes,8]  low corner, 0, high corner, 0
-// out 4 index   u32[P,K]      ascending (distance, index); ties → lower index
+// out 4 index   u32[P,K]      ascending (distance, index); ties → lower index; of the nearest K · DILATION, every
+//                             DILATION-th; K · DILATION ≤ 128
 // out 5 points  f32[P,4]      made non-finite where the search gave up, so that no result survives it
-// spec 0 WORKGROUP=32  1 K≤64 | grid tiles | shared 0 KiB
+// spec 0 WORKGROUP=32  1 K≤64  2 DILATION≤16 | grid tiles | shared 0 KiB
 // loops ≤ 3·MOST_LOOPS + 8 = 60008 < 65535 | error: indices equal to cpu/knn | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -22,7 +23,9 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int K = 24;
+layout(constant_id = 2) const int DILATION = 1;
 
+const int NEAREST = K * DILATION;
 const int BATCH = 8;
 const uint MOST_LOOPS = 20000;
 #define INFINITY uintBitsToFloat(0x7f800000u)
@@ -73,9 +76,9 @@ void main() {
   const vec3 query = uintBitsToFloat(sorted[slot].xyz);
   const uint query_row = sorted[slot].w;
 
-  float nearest[K];
-  uint nearest_row[K];
-  [[unroll]] for (int j = 0; j < K; ++j) {
+  float nearest[NEAREST];
+  uint nearest_row[NEAREST];
+  [[unroll]] for (int j = 0; j < NEAREST; ++j) {
     nearest[j] = INFINITY;
     nearest_row[j] = begin;
   }
@@ -102,7 +105,7 @@ void main() {
       }
       const vec3 low = boxes[2 * (level_first + node)].xyz, high = boxes[2 * (level_first + node) + 1].xyz;
       precise vec3 below = low - query, above = query - high;
-      const bool reached = any_reached(squared(max(max(below, above), vec3(0))) <= nearest[K - 1]);
+      const bool reached = any_reached(squared(max(max(below, above), vec3(0))) <= nearest[NEAREST - 1]);
       if (reached && level > 0) {
         --level;
         level_first -= level_nodes(blocks, level);
@@ -144,8 +147,8 @@ void main() {
         found = first ? rows[i] : found;
         least = first ? d[i] : least;
       }
-      if (least == INFINITY || !before(least, found, nearest[K - 1], nearest_row[K - 1])) break;
-      [[unroll]] for (int j = K - 1; j > 0; --j) {
+      if (least == INFINITY || !before(least, found, nearest[NEAREST - 1], nearest_row[NEAREST - 1])) break;
+      [[unroll]] for (int j = NEAREST - 1; j > 0; --j) {
         const bool shift = before(least, found, nearest[j - 1], nearest_row[j - 1]);
         const bool here = before(least, found, nearest[j], nearest_row[j]);
         nearest_row[j] = shift ? nearest_row[j - 1] : here ? found : nearest_row[j];
@@ -160,7 +163,8 @@ void main() {
   }
 
   if (tile.y + gl_LocalInvocationID.x < tile.z) {
-    [[unroll]] for (int j = 0; j < K; ++j) index[(query_row - p.first_row) * K + j] = nearest_row[j];
+    [[unroll]] for (int j = 0; j < K; ++j)
+      index[(query_row - p.first_row) * K + j] = nearest_row[(j + 1) * DILATION - 1];
     // Tens of thousands of points in one cell: an error rather than a wrong answer.
     if (max(steps, insertions) >= MOST_LOOPS) points[query_row] = vec4(uintBitsToFloat(0x7fc00000u));
   }

@@ -7,7 +7,7 @@
 // out 3 result    f32[P,R]  OUT0 scalars, OUT1 vectors (y,z,x); padded to R
 // con 4 weights   f32[WEIGHTS,4] base[OUT0]; plane[OUT1,OUT1]; per head: logit, logit at zero, scalars[OUT0],
 //                           scalars at zero[OUT0], slopes[OUT1]
-// spec 0 WORKGROUP=32  1 K≤64  2 OUT0  3 OUT1  4 HEADS  5 RELU  6 WEIGHTS | grid tiles | shared 0 KiB
+// spec 0 WORKGROUP=32  1 K≤64  2 OUT0  3 OUT1  4 HEADS  5 RELU  6 WEIGHTS  7 RELU_SQUARE | grid tiles | shared 0 KiB
 // loops ≤ K ≤ 64 < 65535 | error: 2e-5 of the largest output entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -23,6 +23,7 @@ layout(constant_id = 3) const int OUT1 = 4;
 layout(constant_id = 4) const int HEADS = 2;
 layout(constant_id = 5) const bool RELU = true;
 layout(constant_id = 6) const int WEIGHTS = 64;  // vec4s
+layout(constant_id = 7) const bool RELU_SQUARE = false;
 
 const int PLANE = OUT0;
 const int HEAD = PLANE + (RELU ? OUT1 * OUT1 : 0);
@@ -76,7 +77,7 @@ void main() {
     if (RELU) {
       vec3 mixed = vec3(0);
       [[unroll]] for (int c = 0; c < OUT1; ++c) mixed += weight(PLANE + o * OUT1 + c) * vectors[c];
-      x = projected_relu(x, mixed);
+      x = projected_relu(x, mixed, RELU_SQUARE);
     }
     row_out[OUT0 + 3 * o] = x.x, row_out[OUT0 + 3 * o + 1] = x.y, row_out[OUT0 + 3 * o + 2] = x.z;
   }

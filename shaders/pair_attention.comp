@@ -5,7 +5,7 @@
 // in  2 weights  f32[W]         by degree, rows are outputs: query, project, self (if any), planes (if any, not (0,0))
 // out 3 result   f32[B·KEYS,R]  four degrees of OUT0 … OUT3 channels, padded to R, a multiple of 4
 // spec 0 WORKGROUP=32  1 K≤64  2 HEADS≤64  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17–20 OUT  21 SELF
-//      22 RELU
+//      22 RELU  23 RELU_SQUARE
 // grid N | shared 4·(K·HEADS + HEADS + numbers of keys and values + 2·R) bytes ≤ 16 KiB
 // loops ≤ 2·K·HEADS + (K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + OUT + 10)) / WORKGROUP < 65535
 // error: with pair_messages 5e-5 of the largest output entry | fp32
@@ -24,6 +24,7 @@ layout(constant_id = 19) const int OUT2 = 4;
 layout(constant_id = 20) const int OUT3 = 4;
 layout(constant_id = 21) const bool SELF = true;
 layout(constant_id = 22) const bool RELU = true;
+layout(constant_id = 23) const bool RELU_SQUARE = false;
 
 layout(set = 0, binding = 0) readonly buffer Features { float features[]; };
 layout(set = 0, binding = 1) readonly buffer Messages { float messages[]; };
@@ -150,7 +151,7 @@ void main() {
           square += mixed[m] * mixed[m];
         }
         const float norm = max(sqrt(square), PLANE_NORM_FLOOR);
-        if (!(along >= 0.0)) x -= (1.0 - LEAKY_SLOPE) * along / norm * mixed[i];
+        if (!(along >= 0.0)) x -= (1.0 - LEAKY_SLOPE) * along / norm / (RELU_SQUARE ? norm : 1.0) * mixed[i];
       }
     }
     result[to + i] = x;

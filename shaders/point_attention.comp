@@ -32,6 +32,7 @@ const bool DIRECTION = (FLAGS & 2u) != 0u;
 const bool PER_CLOUD = (FLAGS & 4u) != 0u;
 const bool RELU = (FLAGS & 8u) != 0u;
 const bool VECTOR_KEYS = (FLAGS & 16u) != 0u;
+const bool RELU_SQUARE = (FLAGS & 32u) != 0u;
 
 // Paths of the two degrees, of edges and of zero-length edges.
 const int N0 = C0 + C1 + (DIRECTION ? 3 : 0);
@@ -253,7 +254,7 @@ void main() {
     if (RELU) {
       vec3 mixed = vec3(0);
       [[unroll]] for (int c = 0; c < OUT1; ++c) mixed += weight1(PLANE + o * OUT1 + c) * vectors[c];
-      x = projected_relu(x, mixed);
+      x = projected_relu(x, mixed, RELU_SQUARE);
     }
     row_out[OUT0 + 3 * o] = x.x, row_out[OUT0 + 3 * o + 1] = x.y, row_out[OUT0 + 3 * o + 2] = x.z;
   }

@@ -57,4 +57,36 @@ struct NeighbourAttentionParameters {
   float scale;
 };
 
+// The gradient of a one-sided layer, of a run of whole clouds.
+struct PointGradientParameters {
+  uint first_tile;
+  uint tiles;
+  uint first_row;  // of the run's rows as bound
+};
+
+// A run of edges.
+struct EdgeParameters {
+  uint first;  // the first invocation's
+  uint edges;  // past the last
+};
+
+// What edges send to their neighbours, summed up.
+struct GatherParameters {
+  uint first_tile;
+  uint first_row;   // of the rows' records as bound
+  uint first_edge;  // of the edges' as bound
+};
+
+// Sums of outer products over the tiles of a run, and over tiles.
+struct OuterParameters {
+  uint first_tile;
+  uint first_row;  // of the rows' records as bound
+  uint jobs;
+};
+struct OuterTotalParameters {
+  uint tiles;
+  uint jobs;
+  uint first_segment;
+};
+
 #endif

@@ -4,8 +4,8 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"input_features", spirv::input_features, bindings, sizeof(TileParameters), 3};
+constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
+constexpr Shader shader{"input_features", spirv::input_features, bindings, sizeof(TileParameters), 4};
 
 class InputFeaturesKernel : public Kernel {
  public:
@@ -13,16 +13,20 @@ class InputFeaturesKernel : public Kernel {
       : op_(op),
         capabilities_(site.context.capabilities()),
         pipeline_(site.context.pipeline(shader, std::array{tile_rows, static_cast<std::uint32_t>(op.colors),
-                                                           static_cast<std::uint32_t>(op.normals)})) {
+                                                           static_cast<std::uint32_t>(op.normals),
+                                                           static_cast<std::uint32_t>(op.offsets)})) {
     add_constant(ops::constant_feature);
     pad_constants(4);
   }
 
   void record(const Arguments& args) const override {
-    const Range colors = op_.colors ? args.in.front().range : args.constants;
-    const Range normals = op_.normals ? args.in.back().range : args.constants;
+    std::size_t next = 0;
+    const auto attribute = [&](bool used) { return used ? args.in[next++].range : args.constants; };
+    const Range colors = attribute(op_.colors), normals = attribute(op_.normals),
+                offsets = attribute(op_.offsets);
     for (const TileRun& run : tile_runs(args.tables.point, capabilities_, 1))
-      args.schedule.dispatch(pipeline_, {colors, normals, args.tables.point.tiles, args.out[0].range},
+      args.schedule.dispatch(pipeline_,
+                             {colors, normals, offsets, args.tables.point.tiles, args.out[0].range},
                              TileParameters{run.first}, {run.count, 1, 1}, run.end_row - run.first_row);
   }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "core/failure.hpp"
 #include "knn.spv.hpp"
 #include "knn_shuffle.spv.hpp"
 #include "vk/kernel.hpp"
@@ -9,10 +10,14 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read,   Access::read,
-                               Access::read, Access::modify, Access::modify};
-constexpr Shader basic{"knn", spirv::knn, bindings, sizeof(KnnParameters), 4};
-constexpr Shader shuffle{"knn_shuffle", spirv::knn_shuffle, bindings, sizeof(KnnParameters), 4};
+constexpr Access bindings[] = {Access::read, Access::read,  Access::read,
+                               Access::read, Access::write, Access::modify};
+constexpr Shader basic{"knn", spirv::knn, bindings, sizeof(KnnParameters), 5};
+constexpr Shader shuffle{"knn_shuffle", spirv::knn_shuffle, bindings, sizeof(KnnParameters), 5};
+
+// An invocation keeps them in registers.
+constexpr int most_nearest = 128;
+constexpr std::size_t found_bytes = 2 * sizeof(std::uint32_t);
 
 // One dispatch looks at so many references, or shaders/knn.comp would exceed what some drivers loop.
 constexpr std::uint32_t most_references_limited = 32768, most_references_unlimited = 1u << 22;
@@ -23,23 +28,24 @@ constexpr std::size_t tree_points = 4096;
 class KnnKernel : public Kernel {
  public:
   KnnKernel(const Site& site, const ops::Knn& op)
-      : op_(op),
+      : op_(checked(op)),
         references_(site.in[1].rows),
         queries_(site.out[0].rows),
         pipeline_(site.context.pipeline(
             site.context.capabilities().shuffle ? shuffle : basic,
             std::array{tile_rows, static_cast<std::uint32_t>(op.k), static_cast<std::uint32_t>(op.dim),
-                       static_cast<std::uint32_t>(op.exclude_self)})),
+                       static_cast<std::uint32_t>(op.exclude_self),
+                       static_cast<std::uint32_t>(op.dilation)})),
         capabilities_(site.context.capabilities()),
         most_references_(capabilities_.loop_limit < most_references_unlimited ? most_references_limited
                                                                               : most_references_unlimited) {
-    if (wants_tree(site.largest)) tree_.emplace(site.context, op.k);
+    if (wants_tree(site.largest)) tree_.emplace(site.context, op.k, op.dilation);
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
     if (wants_tree(layout)) return KnnTree::scratch_bytes(layout, capabilities_);
     const bool parts = largest_segment(layout) > most_references_;
-    return sizeof(float) * static_cast<std::size_t>(op_.k) * (parts ? layout.rows(queries_) : 1);
+    return found_bytes * nearest() * (parts ? layout.rows(queries_) : 1);
   }
 
   void record(const Arguments& args) const override {
@@ -51,19 +57,30 @@ class KnnKernel : public Kernel {
     const double cost = 3.0 * op_.dim * static_cast<double>(std::min<std::size_t>(largest, most_references_));
     const Slot& index = args.out[0];
     const bool parts = largest > most_references_;
-    for (const TileRun& run :
-         tile_runs(queries, capabilities_, cost, sizeof(float) * static_cast<std::size_t>(op_.k)))
+    const std::size_t row_bytes =
+        parts ? found_bytes * nearest() : sizeof(std::uint32_t) * static_cast<std::size_t>(op_.k);
+    for (const TileRun& run : tile_runs(queries, capabilities_, cost, row_bytes))
       for (std::uint32_t first = 0; first < largest; first += most_references_) {
-        const Range distances = parts ? rows_of({args.scratch, queries_, op_.k, 1}, run) : args.scratch;
+        const int found_numbers = static_cast<int>(2 * nearest());
+        const Range found = parts ? rows_of({args.scratch, queries_, found_numbers, 1}, run) : args.scratch;
         args.schedule.dispatch(pipeline_,
                                {args.in[0].range, args.in[1].range, queries.tiles, references.offsets,
-                                rows_of(index, run), distances},
+                                rows_of(index, run), found},
                                KnnParameters{run.first, run.first_row, first, most_references_},
                                {run.count, 1, 1}, cost * (run.end_row - run.first_row));
       }
   }
 
  private:
+  static const ops::Knn& checked(const ops::Knn& op) {
+    if (op.k * op.dilation > most_nearest)
+      throw Failure(ErrorCode::unsupported,
+                    std::to_string(op.k) + " neighbours at a dilation of " + std::to_string(op.dilation) +
+                        " are found among the nearest " + std::to_string(op.k * op.dilation) +
+                        ", Vulkan finds up to " + std::to_string(most_nearest));
+    return op;
+  }
+  std::size_t nearest() const { return static_cast<std::size_t>(op_.k * op_.dilation); }
   bool wants_tree(const graph::BatchLayout& layout) const {
     return op_.exclude_self && op_.dim == 3 && queries_ == graph::Rows::point &&
            largest_segment(layout) >= tree_points;

@@ -36,9 +36,9 @@ constexpr Access levels_bindings[] = {Access::read, Access::modify};
 constexpr Shader levels_shader{"knn_tree_levels", spirv::knn_tree_levels, levels_bindings, 0, 1};
 constexpr Access search_bindings[] = {Access::read, Access::read,  Access::read,
                                       Access::read, Access::write, Access::write};
-constexpr Shader search_shader{"knn_tree", spirv::knn_tree, search_bindings, sizeof(PointParameters), 2};
+constexpr Shader search_shader{"knn_tree", spirv::knn_tree, search_bindings, sizeof(PointParameters), 3};
 constexpr Shader shuffle_shader{"knn_tree_shuffle", spirv::knn_tree_shuffle, search_bindings,
-                                sizeof(PointParameters), 2};
+                                sizeof(PointParameters), 3};
 
 constexpr std::uint32_t lanes = 128;
 constexpr std::size_t cells_per_point = 8;  // shaders/common/knn_tree.glsl
@@ -65,7 +65,7 @@ Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
 
 }  // namespace
 
-KnnTree::KnnTree(const Context& context, int k)
+KnnTree::KnnTree(const Context& context, int k, int dilation)
     : capabilities_(context.capabilities()),
       bounds_(context.pipeline(bounds_shader, std::array{lanes})),
       clear_(context.pipeline(clear_shader, std::array{tile_rows})),
@@ -74,8 +74,9 @@ KnnTree::KnnTree(const Context& context, int k)
       scatter_(context.pipeline(scatter_shader, std::array{tile_rows})),
       blocks_(context.pipeline(blocks_shader, std::array{tile_rows})),
       levels_(context.pipeline(levels_shader, std::array{lanes})),
-      search_(context.pipeline(capabilities_.shuffle ? shuffle_shader : search_shader,
-                               std::array{tile_rows, static_cast<std::uint32_t>(k)})) {}
+      search_(context.pipeline(
+          capabilities_.shuffle ? shuffle_shader : search_shader,
+          std::array{tile_rows, static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(dilation)})) {}
 
 std::size_t KnnTree::scratch_bytes(const graph::BatchLayout& layout, const Capabilities& capabilities) {
   return parts_of(layout, capabilities.alignment).bytes;

@@ -7,7 +7,7 @@ namespace bitr::vk {
 
 class KnnTree {
  public:
-  KnnTree(const Context& context, int k);
+  KnnTree(const Context& context, int k, int dilation);
 
   static std::size_t scratch_bytes(const graph::BatchLayout& layout, const Capabilities& capabilities);
   /// Neighbours of every point of `points` in its cloud.

@@ -5,7 +5,7 @@ namespace bitr::vk {
 namespace {
 
 constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write, Access::constant};
-constexpr Shader shader{"mean_direction", spirv::mean_direction, bindings, sizeof(PointParameters), 7};
+constexpr Shader shader{"mean_direction", spirv::mean_direction, bindings, sizeof(PointParameters), 8};
 
 class MeanDirectionKernel : public Kernel {
  public:
@@ -25,9 +25,10 @@ class MeanDirectionKernel : public Kernel {
     }
     pad_constants(4);
     const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
-    pipeline_ = &site.context.pipeline(
-        shader, std::array{tile_rows, number(site.in[1].per_row), number(layer.m0), number(layer.m1),
-                           number(layer.heads), number(layer.relu), number(constants().size() / 4)});
+    pipeline_ =
+        &site.context.pipeline(shader, std::array{tile_rows, number(site.in[1].per_row), number(layer.m0),
+                                                  number(layer.m1), number(layer.heads), number(layer.relu),
+                                                  number(constants().size() / 4), number(layer.relu_square)});
   }
 
   void record(const Arguments& args) const override {

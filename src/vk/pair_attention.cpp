@@ -20,7 +20,7 @@ constexpr Shader message_shader{"pair_messages", spirv::pair_messages, message_b
 constexpr Shader network_shader{"pair_networks", spirv::pair_networks, network_bindings,
                                 sizeof(PairParameters), 17};
 constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, attention_bindings,
-                                  sizeof(PairParameters), 23};
+                                  sizeof(PairParameters), 24};
 
 constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t wide_work_group = 128;  // of pair_networks, where loops would be too long for 32
@@ -144,6 +144,7 @@ class PairAttentionKernel : public Kernel {
     for (const irreps::Degree d : pair_degrees) sizes.push_back(number(op_.fiber_out.channels(d)));
     sizes.push_back(!op_.self.empty());
     sizes.push_back(op_.relu);
+    sizes.push_back(op_.relu_square);
     attention_pipeline_ = &context.pipeline(attention_shader, sizes);
   }
 

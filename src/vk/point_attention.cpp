@@ -10,7 +10,8 @@ constexpr Access bindings[] = {Access::read, Access::read, Access::read,  Access
 constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
 
 // FLAGS of the shader.
-constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16;
+constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
+                        relu_square = 32;
 
 class PointAttentionKernel : public Kernel {
  public:
@@ -45,7 +46,7 @@ class PointAttentionKernel : public Kernel {
     const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
                                 (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
-                                (op.M1.size() > 0 ? vector_keys : 0u);
+                                (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u);
     return {tile_rows,
             number(site.in[1].per_row),
             number(op.c0),

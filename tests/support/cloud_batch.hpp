@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "cpu/executor.hpp"
@@ -32,6 +33,23 @@ struct CloudBatch {
     for (const PointCloud& cloud : clouds) sizes.push_back(static_cast<std::uint32_t>(cloud.size()));
     return {sizes, static_cast<std::uint32_t>(key_points)};
   }
+  /// From the centroid, over the root mean square of their lengths.
+  static std::vector<Vec3d> offsets(const PointCloud& cloud) {
+    const double share = 1.0 / static_cast<double>(cloud.size());
+    Vec3d centroid{};
+    for (const Vec3d& p : cloud.positions)
+      for (int a = 0; a < 3; ++a) centroid[a] += share * p[a];
+    std::vector<Vec3d> result = cloud.positions;
+    double square = 0;
+    for (Vec3d& o : result)
+      for (int a = 0; a < 3; ++a) {
+        o[a] -= centroid[a];
+        square += share * o[a] * o[a];
+      }
+    for (Vec3d& o : result)
+      for (double& x : o) x /= std::sqrt(square);
+    return result;
+  }
   template <class T>
   void run(cpu::Executor<T>& executor, int key_points, cpu::ThreadPool& pool) const {
     executor.prepare(layout(key_points));
@@ -45,6 +63,12 @@ struct CloudBatch {
     fill(executor.graph().positions, &PointCloud::positions);
     fill(executor.graph().normals, &PointCloud::normals);
     fill(executor.graph().colors, &PointCloud::colors);
+    if (executor.graph().offsets != graph::no_tensor) {
+      T* to = executor.data(executor.graph().offsets);
+      for (const PointCloud& cloud : clouds)
+        for (const Vec3d& row : offsets(cloud))
+          for (const double x : row) *to++ = static_cast<T>(x);
+    }
     executor.run(pool);
   }
 };
