@@ -1,0 +1,329 @@
+// bitr eval: how far models and methods are from the truth, on pairs that are made for it.
+#include <bitr/data.hpp>
+#include <bitr/evaluate.hpp>
+#include <bitr/io.hpp>
+#include <memory>
+
+#include "command.hpp"
+#include "cpu/thread_pool.hpp"
+#include "device_choice.hpp"
+#include "eval_methods.hpp"
+#include "eval_report.hpp"
+#include "generate/pairs.hpp"
+#include "options.hpp"
+#include "output.hpp"
+
+namespace bitr::tool {
+namespace {
+
+struct Options {
+  MethodChoice methods;
+  std::string kind, folder, json, csv;
+  std::optional<Protocol> protocol;
+  std::vector<double> shares;
+  Split split = Split::test;
+  std::uint64_t shapes = 10'000, points = 1024, samples = 200, seed = 0, batch = 8;
+  double noise = 0.01;
+  bool same_points = false;
+  std::optional<double> keep;
+  DeviceChoice device;
+};
+
+struct Setting {
+  std::string protocol;
+  std::optional<double> share;
+  double keep;
+};
+
+std::string_view split_name(Split split) {
+  switch (split) {
+    case Split::all:
+      return "all";
+    case Split::train:
+      return "train";
+    case Split::validation:
+      return "validation";
+    case Split::test:
+      break;
+  }
+  return "test";
+}
+
+tl::unexpected<Error> wrong(const std::string& message) { return fail(ErrorCode::invalid_argument, message); }
+
+/// What ICP keeps unless it is told: the share of a cloud that surely has a counterpart, or half by chance,
+/// and where clouds only meet the few points at the seam.
+double usual_keep(std::optional<Protocol> protocol, double share) {
+  constexpr double seam = 0.2;
+  if (protocol == Protocol::opposed) return std::max(seam, (2 * share - 1) / share);
+  return protocol == Protocol::independent ? 0.5 : seam;
+}
+
+/// Kinds that are cropped anyway and files get the protocol they have without one.
+Result<std::vector<Setting>> choose_settings(Options& options) {
+  if (options.kind.empty() == options.folder.empty())
+    return wrong(options.kind.empty() ? "eval: nothing to evaluate on; give --kind or --data"
+                                      : "--kind and --data: give one of them");
+  generate::Way way = generate::Way::cropped;
+  if (!options.kind.empty()) {
+    const auto kind = generate::kind_named(options.kind);
+    if (!kind) return tl::unexpected(kind.error());
+    way = (*kind)->way;
+  }
+  if (!options.protocol && way == generate::Way::cropped) options.protocol = Protocol::opposed;
+  if (!options.protocol) {
+    if (!options.shares.empty()) return wrong("--share needs a --protocol");
+    const bool copied = way == generate::Way::copied;
+    return std::vector<Setting>{{copied ? "copy" : "break", {}, options.keep.value_or(copied ? 0.8 : 0.2)}};
+  }
+  if (options.shares.empty()) options.shares = {0.7};
+  std::vector<Setting> settings;
+  for (const double share : options.shares)
+    settings.push_back({std::string(name(*options.protocol)), share,
+                        options.keep.value_or(usual_keep(options.protocol, share))});
+  return settings;
+}
+
+Result<void> check_options(const Options& options) {
+  if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
+    return wrong("--keep " + Json(*options.keep).dump() + ": is not above 0 and up to 1");
+  for (const double share : options.shares)
+    if (!(share > 0 && share <= 1))
+      return wrong("--share " + Json(share).dump() + ": is not above 0 and up to 1");
+  if (auto checked = check_output("--json", options.json, options.methods.models); !checked) return checked;
+  if (auto checked = check_output("--csv", options.csv, options.methods.models); !checked) return checked;
+  if (options.csv == "-") return wrong("--csv -: a table of pairs needs a file");
+  if (!options.csv.empty() && options.csv == options.json)
+    return wrong("--csv " + options.csv + ": is the file of --json too");
+  return {};
+}
+
+Result<DataSet> open_data(const Options& options, const Setting& setting, bool normals) {
+  DataOptions data;
+  DataPart part;
+  part.kind = options.kind;
+  part.shapes = options.shapes;
+  part.folder = options.folder;
+  part.protocol = options.protocol;
+  if (setting.share) part.share_low = part.share_high = *setting.share;
+  data.parts = {part};
+  data.split = options.split;
+  data.points_low = data.points_high = options.points;
+  data.noise = options.noise;
+  data.normals = normals;
+  data.same_points = options.same_points;
+  data.samples = options.samples;
+  data.seed = options.seed;
+  return DataSet::open(data);
+}
+
+Result<std::vector<DataSample>> draw(const DataSet& data, std::size_t first, std::size_t count,
+                                     const Device& device) {
+  std::vector<Result<DataSample>> drawn(count, fail(ErrorCode::internal, "not drawn"));
+  device.pool().parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) drawn[i] = data.sample(0, first + i);
+  });
+  std::vector<DataSample> batch;
+  for (Result<DataSample>& sample : drawn) {
+    if (!sample) return tl::unexpected(sample.error());
+    batch.push_back(std::move(*sample));
+  }
+  return batch;
+}
+
+void record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
+            std::size_t first) {
+  for (std::size_t i = 0; i < batch.size(); ++i)
+    rows.pairs.push_back({batch[i].shape, first + i, batch[i].overlap, errors_of(poses[i], batch[i])});
+}
+
+Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const DataSet& data,
+                             std::vector<Method>& methods, const Device& device) {
+  EvalSetting result{.protocol = setting.protocol,
+                     .share = setting.share,
+                     .keep = setting.keep,
+                     .by_overlap = options.protocol == Protocol::independent,
+                     .methods = {}};
+  for (const Method& method : methods) {
+    if (method.plain) result.methods.push_back({method.name, {}});
+    if (method.refined) result.methods.push_back({method.name + "+icp", {}});
+  }
+  const Estimation how{device, options.methods.mode, setting.keep};
+  for (std::size_t first = 0; first < options.samples; first += options.batch) {
+    const auto batch =
+        draw(data, first, std::min<std::size_t>(options.batch, options.samples - first), device);
+    if (!batch) return tl::unexpected(batch.error());
+    std::size_t row = 0;
+    for (Method& method : methods) {
+      const auto poses = estimate(method, *batch, how);
+      if (!poses)
+        return fail(poses.error().code, method.name + ", samples from " + std::to_string(first) +
+                                            " on: " + poses.error().message);
+      if (method.plain) record(result.methods[row++], *batch, *poses, first);
+      if (method.refined) record(result.methods[row++], *batch, refined(*poses, *batch, how), first);
+    }
+    show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ": " +
+                  std::to_string(first + batch->size()) + " of " + std::to_string(options.samples));
+  }
+  return result;
+}
+
+Json about(const Options& options, const std::vector<Method>& methods, const Device& device,
+           std::size_t shapes) {
+  Json models = Json::array();
+  for (const Method& method : methods)
+    if (method.model && !method.file.empty())
+      models.push_back({{"method", method.name},
+                        {"file", method.file},
+                        {"parameters", method.model->parameter_count()},
+                        {"trained", method.model->trained()},
+                        {"mode", mode_name(options.methods.mode.value_or(method.model->mode()))}});
+  return {{options.kind.empty() ? "data" : "kind", options.kind.empty() ? options.folder : options.kind},
+          {"split", split_name(options.split)},
+          {"shapes", shapes},
+          {"points", options.points},
+          {"noise", options.noise},
+          {"same_points", options.same_points},
+          {"samples", options.samples},
+          {"seed", options.seed},
+          {"models", models},
+          {"backend", name(device.backend())},
+          {"device", device.name()}};
+}
+
+std::string describe(const Options& options, std::size_t shapes) {
+  return (options.kind.empty() ? options.folder : options.kind) + ", " +
+         std::string(split_name(options.split)) + " split of " + std::to_string(shapes) +
+         (shapes == 1 ? " shape, " : " shapes, ") + std::to_string(options.points) +
+         (options.protocol ? " points before the crop, " : " points a cloud, ") + "noise " +
+         Json(options.noise).dump() + ", seed " + std::to_string(options.seed);
+}
+
+int run(Options& options) {
+  if (const auto checked = check_options(options); !checked) return complain(checked.error());
+  const auto settings = choose_settings(options);
+  if (!settings) return complain(settings.error());
+  auto methods = choose_methods(options.methods);
+  if (!methods) return complain(methods.error());
+
+  const bool normals = std::any_of(methods->begin(), methods->end(), [](const Method& method) {
+    return method.model && method.model->config().return_normals;
+  });
+  // All opened before any is used: what is wrong with one should not come out after an hour.
+  std::vector<DataSet> data;
+  for (const Setting& setting : *settings) {
+    auto opened = open_data(options, setting, normals);
+    if (!opened) return complain(opened.error());
+    data.push_back(std::move(*opened));
+  }
+  const bool network = std::any_of(methods->begin(), methods->end(),
+                                   [](const Method& method) { return method.way == Way::network; });
+  const auto device = open_device(options.device, !network);
+  if (!device) return complain(device.error());
+
+  EvalReport report{.data = describe(options, data[0].shapes()),
+                    .about = about(options, *methods, **device, data[0].shapes()),
+                    .settings = {},
+                    .skipped = {}};
+  for (std::size_t i = 0; i < settings->size(); ++i) {
+    auto result = evaluate(options, (*settings)[i], data[i], *methods, **device);
+    if (!result) return complain(result.error());
+    report.settings.push_back(std::move(*result));
+    for (SkippedShape& skipped : data[i].skipped())
+      if (std::none_of(report.skipped.begin(), report.skipped.end(),
+                       [&](const SkippedShape& known) { return known.shape == skipped.shape; }))
+        report.skipped.push_back(std::move(skipped));
+  }
+  device->save_cache();
+  clear_progress();
+
+  print(report, options.json == "-" ? stderr : stdout);
+  if (!report.skipped.empty())
+    warn(std::to_string(report.skipped.size()) +
+         (report.skipped.size() == 1 ? " shape was" : " shapes were") + " skipped; " +
+         report.skipped[0].shape + ": " + report.skipped[0].reason);
+  if (!options.csv.empty()) {
+    const std::string csv = to_csv(report);
+    if (const auto written = io::write_file(options.csv, std::as_bytes(std::span(csv))); !written)
+      return complain(written.error());
+  }
+  if (options.json.empty()) return done;
+  const auto written = write_json(options.json, to_json(report));
+  return written ? done : complain(written.error());
+}
+
+}  // namespace
+
+Command add_eval(CLI::App& root) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = root.add_subcommand("eval", "Measure how far models and methods are from the truth");
+  app->add_option("MODEL", options->methods.models, "Weights (.safetensors), any number of them")
+      ->type_name("FILE");
+  app->add_option("--kind", options->kind, "Generated shapes: a KIND of bitr generate")->type_name("KIND");
+  app->add_option("--data", options->folder, "Meshes and clouds in this folder and below instead")
+      ->type_name("DIR");
+  app->add_option("--methods", options->methods.controls,
+                  "Controls: " + std::string(control_names) +
+                      ", each also with +icp; all of them when no model is given")
+      ->delimiter(',')
+      ->type_name("NAME,…");
+  app->add_flag("--icp", options->methods.icp, "Also a row of every model followed by trimmed ICP");
+  app->add_option("--keep", options->keep,
+                  "Share of the points that ICP keeps; by the protocol unless given, see below")
+      ->type_name("SHARE");
+  std::vector<std::pair<std::string, Protocol>> names;
+  std::string explained;
+  for (const ProtocolName& protocol : protocols()) {
+    names.emplace_back(protocol.name, protocol.protocol);
+    explained += "  " + std::string(protocol.name) + std::string(13 - protocol.name.size(), ' ') +
+                 std::string(protocol.summary) + "\n";
+  }
+  add_choice<Protocol>(*app, "--protocol", names, options->protocol,
+                       "Crop the whole object in two, see below; the kind's own way unless given, opposed "
+                       "for files");
+  app->add_option("--share", options->shares, "Shares S that a crop keeps, each evaluated on its own")
+      ->delimiter(',')
+      ->type_name("S,…")
+      ->default_str("0.7");
+  add_count(*app, "--points", options->points, 2, max_generated_points,
+            "Points of each cloud; of the whole object where it is cropped");
+  app->add_option("--noise", options->noise,
+                  "Standard deviation added to every coordinate, clipped at 5 times that")
+      ->type_name("LENGTH")
+      ->capture_default_str();
+  app->add_flag("--same-points", options->same_points,
+                "Both crops take their points from one sample of the surface, not each from its own");
+  add_count(*app, "--samples", options->samples, 1, 1'000'000, "Pairs of every protocol and share");
+  add_choice<Split>(*app, "--split",
+                    {{"test", Split::test},
+                     {"validation", Split::validation},
+                     {"train", Split::train},
+                     {"all", Split::all}},
+                    options->split, "Shapes to use")
+      ->default_str("test");
+  add_count(*app, "--shapes", options->shapes, 1, 10'000'000, "Shapes of a kind, before they are split");
+  add_seed(*app, "--seed", options->seed, "Seed of the pairs");
+  add_count(*app, "--batch", options->batch, 1, 4096, "Pairs that the network takes at once");
+  add_mode(*app, options->methods.mode,
+           "Norms without their eps (scale-exact) or with it (reference); the models' own unless given");
+  add_device_options(*app, options->device);
+  add_json(*app, options->json);
+  app->add_option("--csv", options->csv, "Write one line for every pair and method")->type_name("FILE");
+  app->footer(
+      "Errors: Δr is the angle between the rotations, up to the shape's rotational symmetry; Δt is how far\n"
+      "the object's centre ends from its place. Success is Δr ≤ 5° with Δt ≤ 0.1 of the object's diagonal,\n"
+      "and 15° with 0.3; a flip is Δr > 135°.\n"
+      "Controls: identity moves nothing; complete-match takes the untrained network for copies; pca-icp\n"
+      "joins centroids and principal axes in four ways, follows each with ICP, and takes the best fit.\n"
+      "ICP keeps (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent ones,\n"
+      "0.8 for copies, 0.2 otherwise.\n"
+      "Protocols:\n" +
+      explained +
+      "\nExamples:\n"
+      "  bitr eval --kind aircraft --share 0.7,0.5 --points 512 --samples 50\n"
+      "  bitr eval model.safetensors --icp --methods identity,pca-icp --kind vessels --json errors.json\n"
+      "  bitr eval a.safetensors b.safetensors --data meshes --split all --csv pairs.csv");
+  return {app, [options] { return run(*options); }};
+}
+
+}  // namespace bitr::tool

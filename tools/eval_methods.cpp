@@ -1,0 +1,136 @@
+#include "eval_methods.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cpu/thread_pool.hpp"
+#include "refine/icp.hpp"
+#include "refine/principal_axes.hpp"
+
+namespace bitr::tool {
+namespace {
+
+constexpr std::string_view icp_suffix = "+icp";
+
+Result<Method> control_named(const std::string& name) {
+  if (name == "identity") return Method{.name = name};
+  if (name == "pca-icp") return Method{.name = name, .way = Way::principal_axes};
+  if (name != "complete-match")
+    return fail(ErrorCode::invalid_argument, "--methods: \"" + name + "\" is not one of " +
+                                                 std::string(control_names) + ", with or without +icp");
+  auto model = untrained_model();
+  if (!model) return tl::unexpected(model.error());
+  return Method{.name = name, .way = Way::network, .model = std::move(*model)};
+}
+
+Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods) {
+  for (const std::string& file : choice.models) {
+    auto model = load_model(std::filesystem::path(file));
+    if (!model) return tl::unexpected(model.error());
+    if (model->config().get_color)
+      return fail(ErrorCode::invalid_argument, file + ": reads colours, which the samples do not have");
+    const std::string name = model->name();
+    const auto like = std::find_if(methods.begin(), methods.end(),
+                                   [&](const Method& other) { return other.model->name() == name; });
+    if (like != methods.end()) like->name = like->file;
+    const std::string shown = like == methods.end() ? name : file;
+    for (const Method& other : methods)
+      if (other.file == file) return fail(ErrorCode::invalid_argument, file + ": is given twice");
+    methods.push_back({.name = shown,
+                       .way = Way::network,
+                       .plain = true,
+                       .refined = choice.icp,
+                       .file = file,
+                       .model = std::move(*model)});
+  }
+  return {};
+}
+
+Result<void> add_controls(const std::vector<std::string>& names, std::vector<Method>& methods) {
+  for (std::string name : names) {
+    const bool refined = name.ends_with(icp_suffix);
+    if (refined) name.resize(name.size() - icp_suffix.size());
+    auto method = control_named(name);
+    if (!method) return tl::unexpected(method.error());
+    auto known = std::find_if(methods.begin(), methods.end(),
+                              [&](const Method& other) { return other.name == name && other.file.empty(); });
+    if (known == methods.end()) known = methods.insert(methods.end(), std::move(*method));
+    (refined ? known->refined : known->plain) = true;
+  }
+  return {};
+}
+
+Result<std::vector<Pose>> run_network(Method& method, std::span<const DataSample> batch,
+                                      const Estimation& how) {
+  std::vector<CloudPair> pairs;
+  for (const DataSample& sample : batch) pairs.push_back({sample.source, sample.reference});
+  const BatchShape needed = shape_of(pairs);
+  const BatchShape held = method.plan ? method.plan->capacity() : BatchShape{0, 0};
+  if (needed.pairs > held.pairs || needed.points > held.points) {
+    auto plan = make_plan(how.device, *method.model,
+                          {std::max(needed.pairs, held.pairs), std::max(needed.points, held.points)},
+                          {.mode = how.mode});
+    if (!plan) return tl::unexpected(plan.error());
+    method.plan.emplace(std::move(*plan));
+  }
+  const auto assemblies =
+      assemble(*method.plan, pairs, {.complete_match = method.file.empty(), .diagnostics = false});
+  if (!assemblies) return tl::unexpected(assemblies.error());
+  std::vector<Pose> poses;
+  for (const Assembly& assembly : *assemblies) poses.push_back(assembly.T_reference_source);
+  return poses;
+}
+
+/// of(i) for every sample of the batch, on all threads.
+template <class Of>
+std::vector<Pose> for_each_sample(std::span<const DataSample> batch, const Device& device, Of of) {
+  std::vector<Pose> poses(batch.size());
+  device.pool().parallel_for(batch.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) poses[i] = of(i);
+  });
+  return poses;
+}
+
+bool finite(const Pose& pose) {
+  const auto matrix = pose.matrix();
+  return std::all_of(matrix.begin(), matrix.end(), [](double value) { return std::isfinite(value); });
+}
+
+}  // namespace
+
+Result<std::vector<Method>> choose_methods(const MethodChoice& choice) {
+  std::vector<Method> methods;
+  if (auto added = add_models(choice, methods); !added) return tl::unexpected(added.error());
+  std::vector<std::string> controls = choice.controls;
+  if (controls.empty() && methods.empty()) controls = {"identity", "pca-icp", "complete-match"};
+  if (auto added = add_controls(controls, methods); !added) return tl::unexpected(added.error());
+  return methods;
+}
+
+Result<std::vector<Pose>> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how) {
+  switch (method.way) {
+    case Way::identity:
+      return std::vector<Pose>(batch.size());
+    case Way::network:
+      return run_network(method, batch, how);
+    case Way::principal_axes:
+      break;
+  }
+  return for_each_sample(batch, how.device, [&](std::size_t i) {
+    return refine::icp_from_principal_axes(batch[i].source.positions, batch[i].reference.positions,
+                                           {.keep = how.keep})
+        .T_reference_source;
+  });
+}
+
+std::vector<Pose> refined(const std::vector<Pose>& poses, std::span<const DataSample> batch,
+                          const Estimation& how) {
+  return for_each_sample(batch, how.device, [&](std::size_t i) {
+    if (!finite(poses[i])) return poses[i];
+    return refine::Icp(batch[i].reference.positions, {.keep = how.keep})
+        .align(batch[i].source.positions, poses[i])
+        .T_reference_source;
+  });
+}
+
+}  // namespace bitr::tool

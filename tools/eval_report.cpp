@@ -1,0 +1,157 @@
+#include "eval_report.hpp"
+
+#include <algorithm>
+#include <charconv>
+
+namespace bitr::tool {
+namespace {
+
+constexpr double bin_width = 0.2;
+constexpr int bins = 5;
+
+/// A method's pairs, all of them or those in a bin of overlap.
+struct Row {
+  const EvalSetting& setting;
+  std::optional<int> bin;
+  std::string method;
+  ErrorSummary summary;
+};
+
+int bin_of(double overlap) { return std::clamp(static_cast<int>(overlap / bin_width), 0, bins - 1); }
+
+ErrorSummary summarise_bin(const EvalMethod& method, std::optional<int> bin) {
+  std::vector<PoseErrors> errors;
+  for (const EvalPair& pair : method.pairs)
+    if (!bin || bin_of(pair.overlap) == *bin) errors.push_back(pair.errors);
+  return summarise(errors);
+}
+
+/// Setting by setting: its methods, then bin by bin where there are pairs.
+std::vector<Row> rows_of(const EvalReport& report) {
+  std::vector<Row> rows;
+  for (const EvalSetting& setting : report.settings)
+    for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
+      for (const EvalMethod& method : setting.methods) {
+        const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
+        Row row{setting, which, method.name, summarise_bin(method, which)};
+        if (row.summary.pairs > 0) rows.push_back(std::move(row));
+      }
+  return rows;
+}
+
+/// The shortest text that reads back as the same number.
+std::string text_of(double value) {
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+std::string title(const Row& row) {
+  std::string text = row.setting.protocol;
+  if (row.setting.share) text += ", s = " + text_of(*row.setting.share);
+  if (row.bin)
+    text += ", overlap " + std::to_string(*row.bin * 20) + " … " + std::to_string(*row.bin * 20 + 20) + " %";
+  return text + ": " + std::to_string(row.summary.pairs) + (row.summary.pairs == 1 ? " pair" : " pairs");
+}
+
+/// Padded by characters, not bytes.
+std::string padded(const std::string& text, std::size_t width) {
+  const auto length = static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xc0) != 0x80; }));
+  return text + std::string(width > length ? width - length : 0, ' ');
+}
+
+void print(const ErrorSummary& s, std::FILE* out) {
+  const Distribution &r = s.rotation, &t = s.translation, &f = s.translation_fraction;
+  std::fprintf(out,
+               "%7.2f ±%5.2f %7.2f %7.2f |%7.4f %7.4f %7.4f %7.4f | %5.1f %5.1f | %5.1f %5.1f %5.1f | %5.1f",
+               r.median, r.median_error, r.mean, r.std, t.median, t.mean, t.std, f.median, 100 * s.success_5,
+               100 * s.success_15, 100 * s.recall_5, 100 * s.recall_10, 100 * s.recall_20, 100 * s.flips);
+  if (s.failed > 0) std::fprintf(out, "  %zu failed", s.failed);
+  std::fputc('\n', out);
+}
+
+Json to_json(const Distribution& d) {
+  return {{"mean", d.mean}, {"std", d.std}, {"median", d.median}, {"median_error", d.median_error}};
+}
+
+Json to_json(const Row& row) {
+  const ErrorSummary& s = row.summary;
+  Json json = {{"protocol", row.setting.protocol},
+               {"share", row.setting.share ? Json(*row.setting.share) : Json(nullptr)}};
+  if (row.bin)
+    json["overlap"] = {static_cast<double>(*row.bin) / bins, static_cast<double>(*row.bin + 1) / bins};
+  else
+    json["overlap"] = nullptr;
+  json["method"] = row.method;
+  json["icp_keep"] = row.setting.keep;
+  json["pairs"] = s.pairs;
+  json["failed"] = s.failed;
+  json["dr"] = to_json(s.rotation);
+  json["dt"] = to_json(s.translation);
+  json["dt_fraction"] = to_json(s.translation_fraction);
+  json["success"] = {{"5deg_0.1", s.success_5}, {"15deg_0.3", s.success_15}};
+  json["recall"] = {{"5deg", s.recall_5}, {"10deg", s.recall_10}, {"20deg", s.recall_20}};
+  json["flips"] = s.flips;
+  return json;
+}
+
+std::string quoted(const std::string& field) {
+  if (field.find_first_of(",\"\r\n") == std::string::npos) return field;
+  std::string text = "\"";
+  for (const char c : field) {
+    if (c == '"') text += '"';
+    text += c;
+  }
+  return text + '"';
+}
+
+}  // namespace
+
+void print(const EvalReport& report, std::FILE* out) {
+  const std::vector<Row> rows = rows_of(report);
+  std::size_t width = 6;
+  for (const Row& row : rows) width = std::max(width, row.method.size());
+  std::fprintf(out, "%s\n\n", report.data.c_str());
+  std::fprintf(out,
+               "%s      Δr in degrees            |     Δt in model units,  /diag. | success, %%  |  Δr up "
+               "to, %%      |     %%\n"
+               "%s  median           mean     std | median    mean     std  median | 5,.1  15,.3 |    5°   "
+               "10°   20° | flips\n",
+               padded("", width + 2).c_str(), padded("method", width + 2).c_str());
+  std::string last;
+  for (const Row& row : rows) {
+    if (const std::string now = title(row); now != last) {
+      std::fprintf(out, "%s\n", now.c_str());
+      last = now;
+    }
+    std::fprintf(out, "  %s", padded(row.method, width).c_str());
+    print(row.summary, out);
+  }
+}
+
+Json to_json(const EvalReport& report) {
+  Json json = report.about;
+  Json& rows = json["rows"] = Json::array();
+  for (const Row& row : rows_of(report)) rows.push_back(to_json(row));
+  Json& skipped = json["skipped"] = Json::array();
+  for (const SkippedShape& one : report.skipped)
+    skipped.push_back({{"shape", one.shape}, {"reason", one.reason}});
+  return json;
+}
+
+std::string to_csv(const EvalReport& report) {
+  std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,sample,failed\n";
+  for (const EvalSetting& setting : report.settings)
+    for (const EvalMethod& method : setting.methods)
+      for (const EvalPair& pair : method.pairs) {
+        const PoseErrors& e = pair.errors;
+        csv += quoted(pair.shape) + ',' + setting.protocol + ',' +
+               (setting.share ? text_of(*setting.share) : "") + ',' + text_of(pair.overlap) + ',' +
+               text_of(e.rotation) + ',' + text_of(e.translation) + ',' + text_of(e.translation_fraction) +
+               ',' + quoted(method.name) + ',' + std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0") +
+               '\n';
+      }
+  return csv;
+}
+
+}  // namespace bitr::tool

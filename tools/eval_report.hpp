@@ -1,0 +1,47 @@
+// What bitr eval found: a table for people, JSON of the same, and CSV of every pair.
+#pragma once
+
+#include <bitr/evaluate.hpp>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "output.hpp"
+
+namespace bitr::tool {
+
+/// One pair under one method.
+struct EvalPair {
+  std::string shape;
+  std::size_t sample = 0;
+  double overlap = 0;
+  PoseErrors errors;
+};
+
+struct EvalMethod {
+  std::string name;
+  std::vector<EvalPair> pairs;
+};
+
+/// One setting: the same pairs under every method.
+struct EvalSetting {
+  std::string protocol;
+  std::optional<double> share;  ///< of a crop
+  double keep = 0;              ///< of ICP
+  bool by_overlap = false;      ///< also tell pairs apart by their true overlap
+  std::vector<EvalMethod> methods;
+};
+
+struct EvalReport {
+  std::string data;  ///< what was evaluated, one line for people
+  Json about;        ///< the same and the methods, for JSON
+  std::vector<EvalSetting> settings;
+  std::vector<SkippedShape> skipped;
+};
+
+void print(const EvalReport& report, std::FILE* out);
+Json to_json(const EvalReport& report);
+std::string to_csv(const EvalReport& report);
+
+}  // namespace bitr::tool
