@@ -24,9 +24,9 @@ enum class Split { all, train, validation, test };
 struct DataPart {
   std::string kind = {};        ///< one of generated_kinds(); empty: files
   std::size_t shapes = 10'000;  ///< of a kind: seeds first_seed … first_seed + shapes − 1, up to 10 million
-  std::uint64_t first_seed = 0;  ///< of a kind
-  std::filesystem::path folder =
-      {};  ///< searched with all folders below it for what read_geometry reads; without a kind
+  std::uint64_t first_seed = 0;       ///< of a kind
+  std::filesystem::path folder = {};  ///< without a kind: searched with all folders below it for what
+                                      ///< read_geometry reads; or one such file
 
   std::optional<Protocol> protocol = {};     ///< empty: the kind's own way; opposed for files
   double share_low = 0.7, share_high = 0.7;  ///< a crop's share is uniform between them
@@ -50,7 +50,7 @@ struct DataOptions {
 
   std::size_t samples = 0;  ///< of an epoch; 0: as many as there are shapes in the split
   std::uint64_t seed = 0;
-  std::size_t cache_bytes = std::size_t{1} << 30;  ///< of memory for shapes that may be used again
+  std::size_t cache_bytes = std::size_t{256} << 20;  ///< of memory for shapes that will be used again
 };
 
 struct DataSample {

@@ -93,6 +93,7 @@ Result<void> check(const DataOptions& options) {
 Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {
   Part part;
   part.recipe = recipe;
+  std::size_t total = recipe.shapes;  // in every split
   if (!(recipe.weight > 0 && std::isfinite(recipe.weight)))
     return wrong("weight is " + std::to_string(recipe.weight) + ", not above 0");
   if (const auto valid = check_range("share", recipe.share_low, recipe.share_high, 1e-6, 1); !valid)
@@ -117,13 +118,20 @@ Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {
     }
   } else {
     if (recipe.folder.empty()) return wrong("it has neither a kind nor a folder");
-    auto files = list_files(recipe.folder);
+    std::error_code error;
+    const bool single =
+        std::filesystem::is_regular_file(recipe.folder, error) && io::cloud_format(recipe.folder);
+    if (single) part.recipe.folder = std::filesystem::absolute(recipe.folder, error).parent_path();
+    auto files = single ? std::vector{recipe.folder.filename().generic_string()} : list_files(recipe.folder);
     if (!files) return tl::unexpected(files.error());
     if (files->empty()) return wrong(recipe.folder.string() + ": no mesh or cloud in it");
+    total = files->size();
     for (std::string& file : *files)
       if (belongs(options.split, without_extension(file), options)) part.files.push_back(std::move(file));
   }
-  if (part.shapes() == 0) return wrong("none of its shapes falls in the split");
+  if (part.shapes() == 0)
+    return wrong("none of its " + std::to_string(total) + (total == 1 ? " shape" : " shapes") +
+                 " falls in the split");
   return part;
 }
 

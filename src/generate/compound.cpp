@@ -19,13 +19,9 @@ constexpr double bulge = 0.01;
 std::vector<Vector3d> Compound::measure(std::size_t member) {
   const Part& part = *members_[member].part;
   const int rows = part.rows(), columns = part.columns();
-  std::vector<Vector3d> grid;
+  std::vector<Vector3d> grid = part.corners();
   Box& box = members_[member].box;
-  for (int i = 0; i <= rows; ++i)
-    for (const Vector3d& at : part.outline(i)) {
-      grid.push_back(at);
-      box.include(at);
-    }
+  for (const Vector3d& at : grid) box.include(at);
   const Vector3d margin = Vector3d::Constant(bulge * (box.high - box.low).maxCoeff());
   box.low -= margin;
   box.high += margin;

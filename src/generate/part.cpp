@@ -113,12 +113,22 @@ Part::Place Loft::place(double row, double column) const {
   return place;
 }
 
-std::vector<Vector3d> Loft::outline(int row) const {
-  const Ring here = ring(row);
-  const Section section = cut_(here.along);
-  std::vector<Vector3d> points;
-  for (int j = 0; j <= columns(); ++j) points.push_back(at(here, section, unit(section.beak, angle(j))));
-  return points;
+std::vector<Vector3d> Loft::corners() const {
+  std::vector<Unit> units;
+  double beak = -1;  // of the units
+  std::vector<Vector3d> corners;
+  corners.reserve(static_cast<std::size_t>(rows() + 1) * (columns() + 1));
+  for (int i = 0; i <= rows(); ++i) {
+    const Ring here = ring(i);
+    const Section section = cut_(here.along);
+    if (section.beak != beak) {
+      beak = section.beak;
+      units.clear();
+      for (int j = 0; j <= columns(); ++j) units.push_back(unit(beak, angle(j)));
+    }
+    for (const Unit& unit : units) corners.push_back(at(here, section, unit));
+  }
+  return corners;
 }
 
 Bow::Bow(const Tube& tube) : Part(even_steps(0, 1, 20), 16), tube_(tube) {
@@ -185,10 +195,11 @@ Part::Place Bow::place(double row, double column) const {
           here.scale * per_column * (-in * sine * side + across * cosine * tube_.across)};
 }
 
-std::vector<Vector3d> Bow::outline(int row) const {
-  std::vector<Vector3d> points;
-  for (int j = 0; j <= columns(); ++j) points.push_back(place(row, j).at);
-  return points;
+std::vector<Vector3d> Bow::corners() const {
+  std::vector<Vector3d> corners;
+  for (int i = 0; i <= rows(); ++i)
+    for (int j = 0; j <= columns(); ++j) corners.push_back(place(i, j).at);
+  return corners;
 }
 
 std::vector<double> even_steps(double low, double high, int count) {

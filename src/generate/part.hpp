@@ -19,8 +19,8 @@ class Part {
     Eigen::Vector3d at, by_row, by_column;  ///< and its derivatives
   };
   virtual Place place(double row, double column) const = 0;
-  /// Where the columns 0 … columns() are in a row.
-  virtual std::vector<Eigen::Vector3d> outline(int row) const = 0;
+  /// Where the corners of the cells are, row by row.
+  virtual std::vector<Eigen::Vector3d> corners() const = 0;
 
   int rows() const { return static_cast<int>(rings_.size()) - 1; }
   int columns() const { return columns_; }
@@ -62,7 +62,7 @@ class Loft : public Part {
 
   bool contains(const Eigen::Vector3d& at) const override;
   Place place(double row, double column) const override;
-  std::vector<Eigen::Vector3d> outline(int row) const override;
+  std::vector<Eigen::Vector3d> corners() const override;
 
  private:
   /// A place on the outline of a section with half extents of 1, and its derivatives by the angle.
@@ -91,7 +91,7 @@ class Bow : public Part {
 
   bool contains(const Eigen::Vector3d& at) const override;
   Place place(double row, double column) const override;
-  std::vector<Eigen::Vector3d> outline(int row) const override;
+  std::vector<Eigen::Vector3d> corners() const override;
 
  private:
   Eigen::Vector3d point(double t) const;

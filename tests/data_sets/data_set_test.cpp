@@ -167,6 +167,9 @@ TEST(DataSet, FilesAreCentredAndScaled) {
   const double reach = farthest(sample.source, sample.T_source_object);
   EXPECT_LE(reach, 0.5 + 1e-12);
   EXPECT_GT(reach, 0.48);
+  // By its own name, too.
+  options.parts[0].folder /= "box.off";
+  EXPECT_TRUE(same(DataSet::open(options).value().sample(0, 0).value(), sample));
   // Two samples of the surface: no point is in both.
   EXPECT_NE(sample.T_reference_source.apply(sample.source.positions[0]), sample.reference.positions[0]);
 }
@@ -303,6 +306,13 @@ TEST(DataSet, RefusesWhatIsOutOfRangeAndNamesThePart) {
   DataOptions options = small({{.kind = "vessels"}});
   options.points_low = 100;
   EXPECT_THAT(message(options), HasSubstr("points is 100 … 64"));
+  options = small({{.folder = folder.path() / "inner/box.off"}});
+  options.split = Split::validation;
+  options.validation_share = 0;
+  EXPECT_THAT(message(options), HasSubstr("none of its 1 shape falls"));
+  folder.write("notes.md", "");
+  EXPECT_THAT(message(small({{.folder = folder.path() / "notes.md"}})),
+              HasSubstr("notes.md: cannot be listed"));
   options = small({{.kind = "vessels"}});
   options.noise = -1;
   EXPECT_THAT(message(options), HasSubstr("noise"));
