@@ -1,0 +1,43 @@
+#include <bitr/io.hpp>
+#include <bitr/train.hpp>
+
+#include "api/guarded.hpp"
+#include "train/checkpoint.hpp"
+#include "train/run.hpp"
+
+namespace bitr {
+namespace {
+
+std::filesystem::path with(const std::filesystem::path& model, const char* ending) {
+  return model.parent_path() / (model.stem().string() + ending);
+}
+
+}  // namespace
+
+std::filesystem::path TrainFiles::last() const { return with(model, ".last.safetensors"); }
+std::filesystem::path TrainFiles::checkpoint() const { return with(model, ".checkpoint"); }
+std::filesystem::path TrainFiles::metrics() const { return with(model, ".metrics.jsonl"); }
+std::filesystem::path TrainFiles::curves() const { return with(model, ".curves.svg"); }
+
+Result<TrainOptions> checkpoint_options(const std::filesystem::path& checkpoint) {
+  return guarded([&]() -> Result<TrainOptions> {
+    const auto bytes = io::read_file(checkpoint);
+    if (!bytes) return tl::unexpected(bytes.error());
+    auto read = train::parse_checkpoint(*bytes, checkpoint.string());
+    if (!read) return tl::unexpected(read.error());
+    return std::move(read->options);
+  });
+}
+
+Result<TrainSummary> train_model(const Device& device, const TrainOptions& options, const TrainFiles& files,
+                                 bool resume, const TrainCallbacks& callbacks) {
+  return guarded([&]() -> Result<TrainSummary> {
+    const train::DifferentiatorOptions how{
+        .loss = options.loss == TrainLoss::direct ? ops::LossKind::direct : ops::LossKind::official};
+    return train::run(device, options, files, resume, callbacks, [&](const model::Weights& weights) {
+      return train::make_differentiator(device, weights, how);
+    });
+  });
+}
+
+}  // namespace bitr
