@@ -1,3 +1,5 @@
+#include "cpu/cloud_coefficients.hpp"
+
 #include "cpu/kernel.hpp"
 
 namespace bitr::cpu {
@@ -5,14 +7,6 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// A matrix on [own f⁰ ; appended f⁰ ; 1] as a matrix on [own f⁰ ; 1], the appended features being constants.
-MatrixXd condense(const MatrixXd& full, int own, const VectorXd& appended) {
-  MatrixXd condensed(full.rows(), own + 1);
-  condensed.leftCols(own) = full.leftCols(own);
-  condensed.col(own) = full.middleCols(own, appended.size()) * appended + full.rightCols<1>();
-  return condensed;
-}
 
 template <class T>
 class CloudCoefficientsKernel : public Kernel<T> {

@@ -20,9 +20,6 @@ BITR_PENDING(ops::Gradient<ops::ProjectedRelu>)
 BITR_PENDING(ops::Gradient<ops::CloudSoftmax>)
 BITR_PENDING(ops::Gradient<ops::CloudSum>)
 BITR_PENDING(ops::Gradient<ops::ExtendFeatures>)
-BITR_PENDING(ops::Gradient<ops::MeanDirection>)
-BITR_PENDING(ops::Gradient<ops::CloudCoefficients>)
-BITR_PENDING(ops::Gradient<ops::SoftmaxSum>)
 BITR_PENDING(ops::Gradient<ops::PairAttention>)
 
 }  // namespace bitr::cpu
