@@ -19,7 +19,7 @@ struct Options {
   std::string kind, folder, shapes;
   io::PlyEncoding encoding = io::PlyEncoding::binary_little_endian;
   std::uint64_t count = 1, seed = 0, points = 2048;
-  bool share_given = false;
+  bool share_given = false, normals = false;
   GenerateOptions pair;
 };
 
@@ -48,7 +48,7 @@ class Maker {
     data.points_low = data.points_high = options.points;
     data.noise = options.pair.noise;
     data.seed = options.seed;
-    data.normals = false;
+    data.normals = options.normals;
     auto opened = DataSet::open(data);
     if (!opened) return tl::unexpected(opened.error());
     maker.data_ = std::move(*opened);
@@ -112,9 +112,11 @@ Json truth_json(const Made& made, const Options& options, std::uint64_t index, c
 
 Result<void> check(const Options& options) {
   if ((options.kind == crops) != !options.shapes.empty())
-    return fail(ErrorCode::invalid_argument, options.shapes.empty()
-                                                 ? "crops needs --shapes FOLDER to crop from"
-                                                 : "--shapes is for the kind crops only");
+    return fail(ErrorCode::invalid_argument, options.shapes.empty() ? "crops needs --shapes PATH to crop from"
+                                                                    : "--shapes is for the kind crops only");
+  if (options.normals && options.kind != crops)
+    return fail(ErrorCode::invalid_argument,
+                "--normals is for the kind crops only; the others always have them");
   if (options.share_given && !options.pair.protocol)
     return fail(ErrorCode::invalid_argument, "--share needs a --protocol");
   return {};
@@ -162,7 +164,7 @@ Command add_generate(CLI::App& root) {
   for (const GeneratedKind& kind : generated_kinds())
     kinds += "  " + std::string(kind.name) + std::string(12 - kind.name.size(), ' ') +
              std::string(kind.summary) + "\n";
-  kinds += "  crops       two crops of a mesh or cloud in the folder that --shapes names\n";
+  kinds += "  crops       two crops of a mesh or cloud that --shapes names\n";
   app->add_option("KIND", options->kind, "What to make, see below")->required();
   app->add_option("--out", options->folder, "Folder to write to; made if it is missing")
       ->required()
@@ -197,9 +199,12 @@ Command add_generate(CLI::App& root) {
          "Share S of the object's points that a crop keeps, above 0 and up to 1")
       ->type_name("S")
       ->default_str("0.7");
-  app->add_option("--shapes", options->shapes,
-                  "Meshes and clouds to crop, in this folder and below; scaled to a radius of 0.5")
-      ->type_name("FOLDER");
+  app->add_option(
+         "--shapes", options->shapes,
+         "Meshes and clouds to crop, in this folder and below, or one file; scaled to a radius of 0.5")
+      ->type_name("PATH");
+  app->add_flag("--normals", options->normals,
+                "Crops have normals; clouds that have none are skipped (the other kinds always have them)");
   add_choice<io::PlyEncoding>(
       *app, "--format",
       {{"ply", io::PlyEncoding::binary_little_endian}, {"ply-ascii", io::PlyEncoding::ascii}},

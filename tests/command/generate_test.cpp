@@ -91,12 +91,22 @@ TEST(Generate, CropsShapesFromAFolder) {
   EXPECT_LE(source.size(), 50u);
   EXPECT_GE(source.size(), 35u);
 
+  EXPECT_TRUE(io::read_cloud(folder.path("crops_005_source.ply")).value().normals.empty());
+
   const Folder again;
   ASSERT_EQ(run_command({"generate", "crops", "--shapes", shapes.path(), "--out", again.path(), "--points",
                          "100", "--protocol", "complement", "--share", "0.5"})
                 .status,
             0);
   EXPECT_EQ(read_text(again.path("crops_000_source.ply")), read_text(folder.path("crops_000_source.ply")));
+
+  // One file, with its normals.
+  ASSERT_EQ(run_command({"generate", "crops", "--shapes", files.source, "--out", again.path("one"),
+                         "--points", "100", "--normals"})
+                .status,
+            0);
+  EXPECT_EQ(read_json(again.path("one/crops_000_truth.json"))["shape"], "copy_000_source.ply");
+  EXPECT_EQ(io::read_cloud(again.path("one/crops_000_source.ply")).value().normals.size(), 70u);
 }
 
 TEST(Generate, RefusesWithoutWriting) {
@@ -118,6 +128,7 @@ TEST(Generate, RefusesWithoutWriting) {
       {"vessels", "--share", "0.5"},
       {"vessels", "--protocol", "complement", "--share", "1"},
       {"vessels", "--shapes", "/tmp"},
+      {"vessels", "--normals"},
       {"crops"},
       {"crops", "--shapes", "/nowhere/at/all"},
   };
