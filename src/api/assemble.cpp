@@ -86,7 +86,7 @@ struct Pass {
 };
 
 Result<Pass> forward(Plan::Impl& plan, std::span<const CloudPair> pairs) {
-  auto batch = pack(plan, pairs);
+  auto batch = pack(plan.model.config(), plan.options.precision, plan.capacity, pairs);
   if (!batch) return tl::unexpected(batch.error());
   Pass pass{std::move(*batch), {}, {}};
   plan.run(pass.batch);

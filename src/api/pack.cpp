@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "api/plan.hpp"
+#include "api/pack.hpp"
 
 namespace bitr {
 namespace {
@@ -99,9 +99,9 @@ std::size_t least_points(const ModelConfig& config) {
       std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
 }
 
-Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs) {
-  const ModelConfig& config = plan.model.config();
-  const Range& range = plan.options.precision == Precision::f32 ? range_f32 : range_f64;
+Result<PackedBatch> pack(const ModelConfig& config, Precision precision, const BatchShape& capacity,
+                         std::span<const CloudPair> pairs) {
+  const Range& range = precision == Precision::f32 ? range_f32 : range_f64;
   PackedBatch batch;
   std::vector<std::uint32_t> sizes;
   std::size_t total = 0;
@@ -116,11 +116,11 @@ Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pair
                                                    " points, the model needs at least " +
                                                    std::to_string(least));
     total += cloud.positions.count;
-    if (total > plan.capacity.points || pairs.size() > plan.capacity.pairs)
+    if (total > capacity.points || pairs.size() > capacity.pairs)
       return fail(ErrorCode::invalid_argument,
                   "the batch has " + std::to_string(pairs.size()) + " pairs and at least " +
-                      std::to_string(total) + " points, the plan holds " +
-                      std::to_string(plan.capacity.pairs) + " and " + std::to_string(plan.capacity.points));
+                      std::to_string(total) + " points, the plan holds " + std::to_string(capacity.pairs) +
+                      " and " + std::to_string(capacity.points));
     if (auto ok = check_view(cloud.positions, label, "positions"); !ok) return tl::unexpected(ok.error());
     const auto centroid = check_positions(cloud.positions, label, range);
     if (!centroid) return tl::unexpected(centroid.error());

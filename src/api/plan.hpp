@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "api/pack.hpp"
 #include "api/runner.hpp"
 #include "cpu/thread_pool.hpp"
 
@@ -35,13 +36,6 @@ struct Plan::Impl {
   /// Runs one batch and adds to the times.
   void run(const PackedBatch& batch);
 };
-
-/// Checks clouds and lays out the batch (all sources, then all references). `invalid_argument` names the
-/// cloud.
-Result<PackedBatch> pack(const Plan::Impl& plan, std::span<const CloudPair> pairs);
-
-/// The fewest points a cloud may have.
-std::size_t least_points(const ModelConfig& config);
 
 /// Overlap and inliers at the found pose.
 void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu::ThreadPool& pool,

@@ -3,21 +3,13 @@
 
 #include <bitr/assemble.hpp>
 
-#include "graph/graph.hpp"
+#include "api/pack.hpp"
 
 namespace bitr {
 
 namespace vk {
 class Executor;
 }
-
-/// Clouds of a batch in the order of graph::BatchLayout, with the centroid each was moved by.
-struct PackedBatch {
-  graph::BatchLayout layout;
-  std::vector<const CloudView*> clouds;
-  std::vector<Vec3d> centroids;
-  std::vector<std::vector<Vec3d>> offsets = {};  ///< per cloud, if the model reads them
-};
 
 /// Runs a graph; reads tensors as doubles whatever the arithmetic. Throws Failure.
 class Runner {
@@ -45,27 +37,5 @@ std::unique_ptr<Runner> make_vulkan_runner(std::shared_ptr<const vk::Context> co
 Result<std::unique_ptr<Runner>> make_runner(const Device& device, const Model& model,
                                             const BatchShape& capacity, const PlanOptions& options,
                                             bool retain);
-
-/// Rows of a cloud's attribute, minus `shift`, `stride` numbers apart; what is between them stays.
-template <class T>
-void copy_rows(const Vec3View& rows, const Vec3d& shift, std::size_t stride, T* to) {
-  for (std::size_t i = 0; i < rows.count; ++i, to += stride) {
-    const Vec3d row = rows[i];
-    for (std::size_t a = 0; a < 3; ++a) to[a] = static_cast<T>(row[a] - shift[a]);
-  }
-}
-
-/// Calls fill(tensor, rows, shift, first row) for every attribute of every cloud that the graph reads.
-template <class Fill>
-void for_each_input(const PackedBatch& batch, const graph::Graph& graph, Fill fill) {
-  for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
-    const CloudView& cloud = *batch.clouds[c];
-    const std::size_t row = batch.layout.cloud_offset[c];
-    fill(graph.positions, cloud.positions, batch.centroids[c], row);
-    if (graph.normals != graph::no_tensor) fill(graph.normals, cloud.normals, Vec3d{}, row);
-    if (graph.colors != graph::no_tensor) fill(graph.colors, cloud.colors, Vec3d{}, row);
-    if (graph.offsets != graph::no_tensor) fill(graph.offsets, Vec3View(batch.offsets[c]), Vec3d{}, row);
-  }
-}
 
 }  // namespace bitr

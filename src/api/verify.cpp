@@ -27,7 +27,7 @@ StageDifference compare(std::string stage, const std::vector<double>& a, const s
 }
 
 Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const CloudPair& pair) {
-  const auto batch = pack(impl, {&pair, 1});
+  const auto batch = pack(impl.model.config(), impl.options.precision, impl.capacity, {&pair, 1});
   if (!batch) return tl::unexpected(batch.error());
   const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
   const auto made =

@@ -1,194 +1,12 @@
-#include <algorithm>
-#include <cmath>
-#include <map>
-
-#include "cpu/pair_messages.hpp"
-#include "cpu/projected_relu.hpp"
-#include "cpu/sector_table.hpp"
+#include "cpu/pair_attention.hpp"
 
 namespace bitr::cpu {
 namespace {
 
-using irreps::Degree;
-
-// A direction shorter than 1 (ops::direction_eps) scales what depends on J by |v|^J, and length zero leaves J
-// = 0 only. Between different degrees that is J = 1; of 1→1 it is the identity's part (c₀ + 2c₁)/3, the turn
-// c₂, and the rest.
-template <class T>
-void shorten_direction(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
-  const int channels = block.in_channels * block.out_channels;
-  const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1,
-            freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
-  const int in = first_side ? block.in.p : block.in.q, out = first_side ? block.out.p : block.out.q;
-  T* at = coefficients + block.coefficients;
-  if (in != out) {
-    for (int c = 0; c < freq1 * freq2 * channels; ++c) at[c] *= norm;
-    return;
-  }
-  if (in == 0) return;
-  const int step = (first_side ? freq2 : 1) * channels, others = first_side ? freq2 : freq1;
-  const int other_step = (first_side ? 1 : freq2) * channels;
-  for (int other = 0; other < others; ++other)
-    for (int c = 0; c < channels; ++c) {
-      T* value = at + other * other_step + c;
-      const T scalar = (value[0] + 2 * value[step]) / 3;
-      value[0] = scalar + norm * norm * (value[0] - scalar);
-      value[step] = scalar + norm * norm * (value[step] - scalar);
-      value[2 * step] *= norm;
-    }
-}
-
-template <class T>
-struct Prepared {
-  explicit Prepared(const ops::PairAttention& source)
-      : op(source),
-        relu(source.fiber_out, source.planes, source.relu_square),
-        messages(irreps::concatenate(source.value_fiber, source.key_fiber)) {
-    for (const auto& table : op.tables) tables.emplace_back(table);
-    for (const auto& block : op.blocks) terms.push_back(pair_terms(block));
-    const auto cast = [](const ops::DegreeMatrices& from, std::map<Degree, RowMatrix<T>>& to) {
-      for (const auto& [d, matrix] : from) to[d] = matrix.template cast<T>();
-    };
-    cast(op.query, query);
-    cast(op.project, project);
-    cast(op.self, self);
-  }
-  ops::PairAttention op;
-  std::vector<Sectors<T>> tables;
-  std::vector<std::vector<Term>> terms;
-  std::map<Degree, RowMatrix<T>> query, project, self;
-  RowRelu<T> relu;
-  irreps::Fiber messages;  // [values ; keys] per degree
-};
-
-template <class T, int Width>
-class PairRow {
- public:
-  using Edges = Eigen::Array<T, Width, 1>;
-
-  PairRow(const Prepared<T>& prepared, int k)
-      : p_(prepared),
-        k_(k),
-        coefficient_(p_.op.coefficient_count),
-        edge_(p_.op.coefficient_count),
-        feature_(p_.op.fiber_in.size()),
-        message_(p_.messages.size()),
-        weight_(p_.op.heads),
-        query_(p_.op.key_fiber.size()),
-        sum_(p_.op.value_fiber.size()),
-        result_(p_.op.fiber_out.size()) {}
-
-  void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row,
-                T* out) {
-    const std::size_t stride = feature_.size();
-    gather(features, neighbours, positions, row);
-    turn(p_.op.fiber_in, frame_, feature_.data(), true);
-    for (Edges& m : message_) m.setZero();
-    for (std::size_t b = 0; b < p_.op.blocks.size(); ++b) {
-      const ops::PairBlock& block = p_.op.blocks[b];
-      add_messages(block, p_.terms[b], &coefficient_[block.coefficients],
-                   &feature_[p_.op.fiber_in.offset(block.in)],
-                   &message_[p_.messages.offset(block.out) + block.out_begin * block.out.dim()]);
-    }
-    turn(p_.messages, frame_, message_.data(), false);
-    const T* own = features + row * stride;
-    attend(own);
-    project(own, result_.data());
-    std::copy(result_.begin(), result_.end(), out);
-  }
-
- private:
-  using Buffer = std::vector<Edges, Eigen::aligned_allocator<Edges>>;
-  // Where Eigen writes: it starts its vectors at aligned addresses, so the address would show in the last
-  // bit.
-  using Numbers = std::vector<T, Eigen::aligned_allocator<T>>;
-
-  void gather(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row) {
-    const T* centre = positions + 6 * row;
-    Edges d[2][3];
-    for (auto& side : d)
-      for (Edges& component : side) component.setZero();
-    if (k_ < Width) {
-      for (Edges& f : feature_) f.setZero();
-      for (Edges& c : coefficient_) c.setZero();
-    }
-    for (int j = 0; j < k_; ++j) {
-      const T* at = positions + 6 * std::size_t{neighbours[j]};
-      for (int s = 0; s < 2; ++s)
-        for (int a = 0; a < 3; ++a) d[s][a][j] = centre[3 * s + (a + 1) % 3] - at[3 * s + (a + 1) % 3];
-      const T* f = features + neighbours[j] * feature_.size();
-      for (std::size_t c = 0; c < feature_.size(); ++c) feature_[c][j] = f[c];
-    }
-    Edges length[2];
-    for (int s = 0; s < 2; ++s) {
-      length[s] = (d[s][0].square() + d[s][1].square() + d[s][2].square()).sqrt();
-      frame_[s].set(d[s], length[s]);
-    }
-    for (int j = 0; j < k_; ++j) {
-      edge_.assign(edge_.size(), T{0});
-      for (const Sectors<T>& table : p_.tables) table.add(length[0][j], length[1][j], edge_.data());
-      for (int s = 0; s < 2; ++s)
-        if (const T norm = length[s][j] / static_cast<T>(ops::direction_eps); norm < 1)
-          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge_.data());
-      for (std::size_t c = 0; c < edge_.size(); ++c) coefficient_[c][j] = edge_[c];
-    }
-  }
-
-  void attend(const T* own) {
-    const auto& op = p_.op;
-    for (Edges& e : weight_) e.setZero();
-    for (const auto& [d, keys] : op.key_fiber) {
-      const RowMatrix<T>& matrix = p_.query.at(d);
-      const int dim = d.dim(), values = op.value_fiber.channels(d), per_head = keys / op.heads;
-      const Eigen::Map<const RowMatrix<T>> x(own + op.fiber_in.offset(d), matrix.cols(), dim);
-      Eigen::Map<RowMatrix<T>> query(query_.data(), keys, dim);
-      query = matrix.lazyProduct(x);
-      const Edges* key = &message_[p_.messages.offset(d) + values * dim];
-      for (int c = 0; c < keys; ++c)
-        for (int m = 0; m < dim; ++m) weight_[c / per_head] += query(c, m) * key[c * dim + m];
-    }
-    for (Edges& e : weight_) {
-      e = (e - e.head(k_).maxCoeff()).exp();
-      e.tail(Width - k_).setZero();
-      e /= e.sum();
-    }
-    for (const auto& [d, values] : op.value_fiber) {
-      const int dim = d.dim(), per_head = values / op.heads;
-      const Edges* value = &message_[p_.messages.offset(d)];
-      T* sum = &sum_[op.value_fiber.offset(d)];
-      for (int c = 0; c < values; ++c)
-        for (int m = 0; m < dim; ++m) sum[c * dim + m] = (weight_[c / per_head] * value[c * dim + m]).sum();
-    }
-  }
-
-  void project(const T* own, T* out) {
-    const auto& op = p_.op;
-    for (const auto& [d, m] : op.fiber_out) {
-      const int dim = d.dim();
-      const RowMatrix<T>& from_values = p_.project.at(d);
-      Eigen::Map<RowMatrix<T>> to(out + op.fiber_out.offset(d), m, dim);
-      to = from_values.lazyProduct(
-          Eigen::Map<const RowMatrix<T>>(&sum_[op.value_fiber.offset(d)], from_values.cols(), dim));
-      if (const auto self = p_.self.find(d); self != p_.self.end())
-        to += self->second.lazyProduct(
-            Eigen::Map<const RowMatrix<T>>(own + op.fiber_in.offset(d), self->second.cols(), dim));
-    }
-    if (op.relu) p_.relu.apply(out);
-  }
-
-  const Prepared<T>& p_;
-  const int k_;
-  Frame<Edges> frame_[2];
-  Buffer coefficient_;
-  Numbers edge_;
-  Buffer feature_, message_, weight_;
-  Numbers query_, sum_, result_;
-};
-
 template <class T>
 class PairAttentionKernel : public Kernel<T> {
  public:
-  explicit PairAttentionKernel(const ops::PairAttention& op) : prepared_(op) {}
+  explicit PairAttentionKernel(const ops::PairAttention& op) : constants_(op) {}
 
   void run(const Arguments& args) const override {
     const int k = args.in[1].per_row;
@@ -205,14 +23,14 @@ class PairAttentionKernel : public Kernel<T> {
     const Slot &features = args.in[0], &edges = args.in[1], &out = args.out[0];
     const std::size_t k = edges.per_row;
     args.pool.parallel_for(args.rows(out), 4, [&](std::size_t begin, std::size_t end) {
-      PairRow<T, Width> node(prepared_, edges.per_row);
+      PairRow<T, Width> node(constants_, edges.per_row);
       for (std::size_t row = begin; row < end; ++row)
         node.evaluate(features.as<T>(), edges.as<std::uint32_t>() + row * k, args.in[2].as<T>(), row,
                       out.as<T>() + row * out.stride());
     });
   }
 
-  const Prepared<T> prepared_;
+  const PairConstants<T> constants_;
 };
 
 }  // namespace

@@ -20,6 +20,5 @@ BITR_PENDING(ops::Gradient<ops::ProjectedRelu>)
 BITR_PENDING(ops::Gradient<ops::CloudSoftmax>)
 BITR_PENDING(ops::Gradient<ops::CloudSum>)
 BITR_PENDING(ops::Gradient<ops::ExtendFeatures>)
-BITR_PENDING(ops::Gradient<ops::PairAttention>)
 
 }  // namespace bitr::cpu

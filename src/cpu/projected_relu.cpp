@@ -33,7 +33,7 @@ template <class T>
 RowRelu<T>::RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes, bool square)
     : scalars_(fiber.channels({0, 0})), square_(square) {
   for (const auto& [d, plane] : planes)
-    parts_.push_back({fiber.offset(d), d.dim(), plane.template cast<T>()});
+    parts_.push_back({d, fiber.offset(d), d.dim(), plane.template cast<T>()});
 }
 
 template <class T>

@@ -22,11 +22,15 @@ class RowRelu {
   RowRelu(const irreps::Fiber& fiber, const ops::DegreeMatrices& planes, bool square);
   void apply(T* row) const;
 
- private:
   struct Part {
+    irreps::Degree degree;
     int offset, dim;
     RowMatrix<T> plane;
   };
+  /// The degrees other than (0, 0).
+  const std::vector<Part>& parts() const { return parts_; }
+
+ private:
   int scalars_ = 0;
   bool square_ = false;
   std::vector<Part> parts_;

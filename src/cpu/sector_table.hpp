@@ -13,6 +13,9 @@ class Sectors {
 
   /// Adds this table's coefficients for lengths (r1, r2) ≥ 0; `coefficients` is the edge's whole vector.
   void add(T r1, T r2, T* coefficients) const;
+  /// From the gradient of the edge's whole vector to those of the table's numbers (in the order of
+  /// ops/constants.hpp) and of the lengths; adds to both. Edges that the network answers for have none.
+  void add_gradient(T r1, T r2, const T* coefficients, T* table, T& d_r1, T& d_r2) const;
 
  private:
   using Column = Eigen::Array<T, Eigen::Dynamic, 1>;

@@ -1,6 +1,6 @@
 #include "model/build.hpp"
 
-#include "model/architecture.hpp"
+#include "model/parameter_map.hpp"
 
 namespace bitr::model {
 namespace {
@@ -73,45 +73,31 @@ class Builder {
     return feature;
   }
 
-  std::shared_ptr<const ops::RadialNetwork> network(const std::string& prefix, int scale_degree) const {
-    ops::RadialNetwork net;
-    net.scale_degree = scale_degree;
-    net.eps = exact_ ? 0 : layer_norm_eps;
-    net.w1 = parameter(prefix + "net.0.weight");
-    net.w2 = parameter(prefix + "net.3.weight");
-    net.w3 = parameter(prefix + "net.6.weight");
-    if (scale_degree == 0) {
-      net.gain1 = parameter(prefix + "net.1.normalization.weight");
-      net.bias1 = parameter(prefix + "net.1.normalization.bias");
-      net.c2 = parameter(prefix + "net.3.bias");
-      net.gain2 = parameter(prefix + "net.4.normalization.weight");
-      net.bias2 = parameter(prefix + "net.4.normalization.bias");
-      net.c3 = parameter(prefix + "net.6.bias");
-    }
-    return std::make_shared<const ops::RadialNetwork>(std::move(net));
+  // An operation's constants, taken by their names.
+  auto take() const {
+    return [this](const std::string& name, auto& matrix) { matrix = parameter(name); };
   }
 
-  ops::Convolve convolution(const std::string& prefix, const Fiber& in, const Fiber& out, int sides,
-                            int scale_degree) const {
+  // With networks that have no numbers yet.
+  ops::Convolve convolution(const Fiber& in, const Fiber& out, int sides, int scale_degree) const {
     ops::Convolve op{.sides = sides, .fiber_in = in, .fiber_out = out, .blocks = {}};
     std::map<std::string, std::shared_ptr<const ops::RadialNetwork>> networks;
     for (const RadialSpec& spec : radial_specs(in, out, sides)) {
       auto& shared = networks[spec.owner];
-      if (!shared) shared = network(prefix + "rp." + spec.owner + ".", scale_degree);
+      if (!shared) {
+        ops::RadialNetwork blank;
+        blank.scale_degree = scale_degree;
+        blank.eps = exact_ ? 0 : layer_norm_eps;
+        shared = std::make_shared<ops::RadialNetwork>(std::move(blank));
+      }
       op.blocks.push_back(spec.block);
       op.blocks.back().network = shared;
     }
     return op;
   }
 
-  ops::DegreeMatrices matrices(const std::string& prefix, const Fiber& fiber) const {
-    ops::DegreeMatrices all;
-    for (const auto& [d, m] : fiber) all[d] = parameter(prefix + matrix_owner(fiber, d).str());
-    return all;
-  }
-
-  ops::Linear linear(const std::string& prefix, std::vector<Fiber> in, const Fiber& out, bool skip) const {
-    ops::Linear op{.fiber_in = std::move(in), .fiber_out = out, .weights = matrices(prefix, out), .skip = {}};
+  static ops::Linear linear(std::vector<Fiber> in, const Fiber& out, bool skip) {
+    ops::Linear op{.fiber_in = std::move(in), .fiber_out = out, .weights = {}, .skip = {}};
     for (const auto& [d, m] : out) {
       int total = 0;
       for (const Fiber& fiber : op.fiber_in) total += fiber.channels(d);
@@ -122,7 +108,6 @@ class Builder {
 
   TensorId layer(const LayerSpec& spec, TensorId feature, TensorId index, TensorId centres,
                  TensorId neighbours) {
-    const std::string attention = spec.prefix + "GMAB.";
     ops::AttentionLayer op{.sides = spec.sides,
                            .scale_degree = spec.scale_degree,
                            .heads = spec.heads,
@@ -137,15 +122,15 @@ class Builder {
                            .query = {},
                            .project = {}};
     if (spec.scale_degree == 0) {
-      op.values_keys = convolution(attention + "vk.", spec.in,
-                                   irreps::concatenate(op.value_fiber, op.key_fiber), spec.sides, 0);
-      op.project = linear(spec.prefix + "project.1.transform.", {op.value_fiber, spec.in}, spec.out, true);
+      op.values_keys = convolution(spec.in, irreps::concatenate(op.value_fiber, op.key_fiber), spec.sides, 0);
+      op.project = linear({op.value_fiber, spec.in}, spec.out, true);
     } else {
-      op.values = convolution(attention + "v.", spec.in, op.value_fiber, spec.sides, 1);
-      op.keys = convolution(attention + "k.", spec.in, op.key_fiber, spec.sides, 0);
-      op.project = linear(spec.prefix + "project.0.transform.", {op.value_fiber}, spec.out, false);
+      op.values = convolution(spec.in, op.value_fiber, spec.sides, 1);
+      op.keys = convolution(spec.in, op.key_fiber, spec.sides, 0);
+      op.project = linear({op.value_fiber}, spec.out, false);
     }
-    op.query = linear(attention + "q.transform.", {spec.in}, op.key_fiber, true);
+    op.query = linear({spec.in}, op.key_fiber, true);
+    visit_parameters(spec, op, take());
     const Rows rows = graph_.tensors[index].rows;
     const TensorId out = graph_.add(spec.output, rows, spec.out);
     graph_.append(spec.stage, std::move(op), {feature, index, centres, neighbours}, {out});
@@ -153,8 +138,8 @@ class Builder {
   }
 
   TensorId relu(const ReluSpec& spec, TensorId feature, Rows rows) {
-    ops::ProjectedRelu op{spec.fiber, matrices(spec.prefix + "param_dict.plane_", spec.turned()),
-                          weights_.config.relu_square};
+    ops::ProjectedRelu op{spec.fiber, {}, weights_.config.relu_square};
+    visit_parameters(spec, op, take());
     const TensorId out = graph_.add(spec.stage, rows, spec.fiber);
     graph_.append(spec.stage, std::move(op), {feature}, {out});
     return out;
@@ -186,17 +171,10 @@ class Builder {
   }
 
   void head(const Fiber& fiber, TensorId positions, TensorId feature) {
-    const std::string prefix = "predict_head.", norm = prefix + "weight_logit_layer.0.normalization.";
     ops::Head op;
     op.fiber = fiber;
     op.eps = exact_ ? 0 : graph_norm_eps;
-    op.norm_weight = parameter(norm + "weight");
-    op.norm_bias = parameter(norm + "bias");
-    op.mean_scale = parameter(norm + "mean_scale");
-    op.logit_weight = parameter(prefix + "weight_logit_layer.1.weight");
-    op.logit_bias = parameter(prefix + "weight_logit_layer.1.bias");
-    op.vector_mix = parameter(prefix + "linear_head.transform.(0, 1)");
-    op.matrix_mix = parameter(prefix + "linear_head.transform.(1, 1)");
+    visit_parameters(op, take());
     const TensorId normed = graph_.add(
         {.name = "head.gn_out", .rows = Rows::pair_key, .width = fiber.channels({0, 0}), .fiber = {}});
     const TensorId logits =

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "model/fold_layers.hpp"
+#include "model/fold_paths.hpp"
 
 namespace bitr::model {
 namespace {
@@ -11,41 +12,6 @@ using Eigen::VectorXd;
 using irreps::Degree;
 
 constexpr Degree scalar{0, 0}, vector{1, 0};
-
-VectorXd leaky(const VectorXd& x) { return (x.array() > 0).select(x.array(), ops::leaky_slope * x.array()); }
-
-VectorXd layer_norm(const VectorXd& x, const VectorXd& gain, const VectorXd& bias, double eps) {
-  const Eigen::ArrayXd centred = x.array() - x.mean();
-  const double variance = centred.square().mean() + eps;
-  const double scale = variance > 0 ? 1 / std::sqrt(variance) : 0;
-  return centred * scale * gain.array() + bias.array();
-}
-
-// Channels of [values ; keys] (rows) from the paths of φ (columns), per degree out. `zero`: from φᶻ instead.
-struct PathMatrices {
-  MatrixXd degree0, degree1;
-};
-
-PathMatrices path_matrices(const ops::Convolve& convolve, bool zero) {
-  const int c0 = convolve.fiber_in.channels(scalar), c1 = convolve.fiber_in.channels(vector);
-  const int rows0 = convolve.fiber_out.channels(scalar), rows1 = convolve.fiber_out.channels(vector);
-  PathMatrices paths{MatrixXd::Zero(rows0, zero ? c0 + 1 : c0 + c1),
-                     MatrixXd::Zero(rows1, zero ? c1 : c0 + 3 * c1)};
-  for (const ops::RadialBlock& block : convolve.blocks) {
-    const VectorXd radial = constant_radial(*block.network, zero);
-    MatrixXd& target = block.out == scalar ? paths.degree0 : paths.degree1;
-    for (int o = 0; o < block.out_channels; ++o)
-      for (int i = 0; i < block.in_channels; ++i)
-        for (int J = 0; J < block.freq(); ++J) {
-          const double value = radial[(o * block.in_channels + i) * block.freq() + J];
-          if (!zero)
-            target(o, (block.in == scalar ? 0 : c0) + J * c1 + i) = value;
-          else if (block.in == block.out && J == 0)
-            target(o, i) = block.in == scalar ? value : -value / std::sqrt(3.0);
-        }
-  }
-  return paths;
-}
 
 // Matrix blocks [h] of a product over the channels of head h: left's columns, right's rows.
 MatrixXd per_head_columns(const MatrixXd& left, const MatrixXd& right, int heads) {
@@ -74,6 +40,32 @@ MatrixXd append_zero_column(const MatrixXd& matrix) {
 
 }  // namespace
 
+VectorXd leaky(const VectorXd& x) { return (x.array() > 0).select(x.array(), ops::leaky_slope * x.array()); }
+
+VectorXd layer_norm(const VectorXd& x, const VectorXd& gain, const VectorXd& bias, double eps) {
+  const Eigen::ArrayXd centred = x.array() - x.mean();
+  const double variance = centred.square().mean() + eps;
+  const double scale = variance > 0 ? 1 / std::sqrt(variance) : 0;
+  return centred * scale * gain.array() + bias.array();
+}
+
+PathMatrices path_matrices(const ops::Convolve& convolve) {
+  const int c0 = convolve.fiber_in.channels(scalar), c1 = convolve.fiber_in.channels(vector);
+  const int rows0 = convolve.fiber_out.channels(scalar), rows1 = convolve.fiber_out.channels(vector);
+  PathMatrices paths{{MatrixXd::Zero(rows0, c0 + c1), MatrixXd::Zero(rows0, c0 + 1)},
+                     {MatrixXd::Zero(rows1, c0 + 3 * c1), MatrixXd::Zero(rows1, c1)}};
+  for (const ops::RadialBlock& block : convolve.blocks) {
+    const VectorXd edge = constant_radial(*block.network, false),
+                   zero = constant_radial(*block.network, true);
+    PathMatrix& target = block.out == scalar ? paths.degree0 : paths.degree1;
+    for_each_path(block, convolve.fiber_in, [&](const PathEntry& at) {
+      target.edge(at.row, at.column) = edge[at.radial];
+      if (at.zero_factor != 0) target.zero(at.row, at.zero_column) = at.zero_factor * zero[at.radial];
+    });
+  }
+  return paths;
+}
+
 MatrixXd with_skip(const ops::Linear& linear, Degree d) {
   const auto it = linear.weights.find(d);
   if (it == linear.weights.end()) return {};
@@ -99,24 +91,23 @@ ops::PointAttention point_attention(const ops::AttentionLayer& layer, const ops:
   op.uniform = layer.zero_centre;
   op.heads = op.uniform ? 1 : layer.heads;
 
-  const PathMatrices paths = path_matrices(layer.values_keys, false),
-                     zero = path_matrices(layer.values_keys, true);
+  const PathMatrices paths = path_matrices(layer.values_keys);
   const double logit_scale = 1 / std::sqrt(layer.key_fiber.component_count());
-  const auto fold_degree = [&](Degree d, const MatrixXd& all, const MatrixXd& all_zero, MatrixXd& M,
-                               MatrixXd& Mz, MatrixXd& O, MatrixXd& Oz, MatrixXd& S) {
+  const auto fold_degree = [&](Degree d, const PathMatrix& path, MatrixXd& M, MatrixXd& Mz, MatrixXd& O,
+                               MatrixXd& Oz, MatrixXd& S) {
     const int values = layer.value_fiber.channels(d), keys = layer.key_fiber.channels(d);
     const MatrixXd project = with_skip(layer.project, d);
-    O = per_head_columns(project.leftCols(values), all.topRows(values), op.heads);
-    Oz = per_head_columns(project.leftCols(values), all_zero.topRows(values), op.heads);
+    O = per_head_columns(project.leftCols(values), path.edge.topRows(values), op.heads);
+    Oz = per_head_columns(project.leftCols(values), path.zero.topRows(values), op.heads);
     if (op.uniform) return;
     S = project.rightCols(project.cols() - values);
     const MatrixXd query = with_skip(layer.query, d) * logit_scale;
     if (keys == 0) return;
-    M = per_head_queries(all.bottomRows(keys), query, op.heads);
-    Mz = per_head_queries(all_zero.bottomRows(keys), query, op.heads);
+    M = per_head_queries(path.edge.bottomRows(keys), query, op.heads);
+    Mz = per_head_queries(path.zero.bottomRows(keys), query, op.heads);
   };
-  fold_degree(scalar, paths.degree0, zero.degree0, op.M0, op.Mz0, op.O0, op.Oz0, op.S0);
-  if (op.m1 > 0) fold_degree(vector, paths.degree1, zero.degree1, op.M1, op.Mz1, op.O1, op.Oz1, op.S1);
+  fold_degree(scalar, paths.degree0, op.M0, op.Mz0, op.O0, op.Oz0, op.S0);
+  if (op.m1 > 0) fold_degree(vector, paths.degree1, op.M1, op.Mz1, op.O1, op.Oz1, op.S1);
   if (!op.uniform) {
     op.M0 = append_zero_column(op.M0);
     op.Mz0 = append_zero_column(op.Mz0);

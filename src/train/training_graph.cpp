@@ -1,0 +1,34 @@
+#include "train/training_graph.hpp"
+
+#include "core/failure.hpp"
+#include "model/build.hpp"
+
+namespace bitr::train {
+namespace {
+
+using graph::Graph;
+using graph::Rows;
+using graph::TensorId;
+
+void append_loss(Graph& graph, ops::LossKind kind) {
+  graph.truth = graph.add({.name = "truth", .rows = Rows::pair, .width = ops::truth_width, .fiber = {}});
+  graph.loss = graph.add({.name = "loss", .rows = Rows::pair, .width = ops::loss_terms, .fiber = {}});
+  const TensorId from = kind == ops::LossKind::official ? graph.pose : graph.find("head.pieces");
+  graph.append("loss", ops::Loss{kind}, {from, graph.truth, graph.key_points}, {graph.loss});
+}
+
+}  // namespace
+
+TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined) {
+  if (!as_defined && weights.mode == Mode::reference)
+    throw Failure(ErrorCode::unsupported,
+                  "a model in reference mode is trained as defined only; scale-exact is for folded training");
+  TrainingGraph training;
+  training.whole = model::build_graph(weights, weights.mode);
+  training.made = as_defined ? model::expand(training.whole) : model::fold(training.whole);
+  append_loss(training.made, loss);
+  training.result = graph::differentiate(training.made);
+  return training;
+}
+
+}  // namespace bitr::train

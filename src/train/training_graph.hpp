@@ -1,0 +1,20 @@
+// What a training step runs: the network, the loss and the gradient of both, as one graph.
+#pragma once
+
+#include "graph/differentiate.hpp"
+#include "model/weights.hpp"
+#include "ops/loss.hpp"
+
+namespace bitr::train {
+
+struct TrainingGraph {
+  graph::Graph whole;            ///< build_graph(weights)
+  graph::Graph made;             ///< `whole`, folded or expanded, and the loss
+  graph::Differentiated result;  ///< `made` and its gradient
+};
+
+/// In the weights' mode. Throws Failure (`unsupported`) for a folded graph in reference mode: the fold drops
+/// eps that are part of its gradient.
+TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined);
+
+}  // namespace bitr::train
