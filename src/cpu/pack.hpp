@@ -4,7 +4,8 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <numeric>
+#include <cstring>
+#include <utility>
 #include <vector>
 
 namespace bitr::cpu {
@@ -28,6 +29,65 @@ Eigen::Map<Eigen::Array<T, pack_lanes<T>, 1>> as_array(Pack<T>& pack) {
 template <class T>
 Pack<T> zero_pack() {
   return Pack<T>{} + T{0};
+}
+
+namespace detail {
+
+template <class T, int distance, int... lane>
+void exchange(Pack<T>& a, Pack<T>& b, std::integer_sequence<int, lane...>) {
+  constexpr int lanes = sizeof...(lane);
+  const Pack<T> first =
+      __builtin_shufflevector(a, b, (lane & distance ? lanes + (lane ^ distance) : lane)...);
+  b = __builtin_shufflevector(a, b, (lane & distance ? lanes + lane : lane ^ distance)...);
+  a = first;
+}
+
+}  // namespace detail
+
+/// Lane i of pack j becomes lane j of pack i, of as many packs as there are lanes.
+template <class T, int distance = pack_lanes<T> / 2>
+void transpose(Pack<T>* packs) {
+#pragma GCC unroll 16
+  for (int i = 0; i < pack_lanes<T>; ++i)
+    if ((i & distance) == 0)
+      detail::exchange<T, distance>(packs[i], packs[i + distance],
+                                    std::make_integer_sequence<int, pack_lanes<T>>{});
+  if constexpr (distance > 1) transpose<T, distance / 2>(packs);
+}
+
+/// columns[c] = row[lane][c]
+template <class T>
+void gather(const T* const* row, int width, Pack<T>* columns) {
+  constexpr int lanes = pack_lanes<T>;
+  int c = 0;
+  for (; c + lanes <= width; c += lanes) {
+    Pack<T> block[lanes];
+    for (int lane = 0; lane < lanes; ++lane) std::memcpy(&block[lane], row[lane] + c, pack_bytes);
+    transpose<T>(block);
+    std::copy_n(block, lanes, columns + c);
+  }
+  for (; c < width; ++c)
+    for (int lane = 0; lane < lanes; ++lane) columns[c][lane] = row[lane][c];
+}
+
+/// row[lane][c] += columns[c], of the first `count` lanes in order; rows may be the same.
+template <class T>
+void scatter(const Pack<T>* columns, int width, int count, T* const* row) {
+  constexpr int lanes = pack_lanes<T>;
+  int c = 0;
+  for (; c + lanes <= width; c += lanes) {
+    Pack<T> block[lanes];
+    std::copy_n(columns + c, lanes, block);
+    transpose<T>(block);
+    for (int lane = 0; lane < count; ++lane) {
+      Pack<T> sum;
+      std::memcpy(&sum, row[lane] + c, pack_bytes);
+      sum += block[lane];
+      std::memcpy(row[lane] + c, &sum, pack_bytes);
+    }
+  }
+  for (; c < width; ++c)
+    for (int lane = 0; lane < count; ++lane) row[lane][c] += columns[c][lane];
 }
 
 /// A matrix and the gradient of a loss with respect to it, lane by lane.

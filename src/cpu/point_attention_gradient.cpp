@@ -65,6 +65,7 @@ class PointBlock {
         k_(k),
         edge_(op, false, k),
         zero_(op, true, k),
+        neighbour_(static_cast<std::size_t>(k * lanes)),
         direction_(static_cast<std::size_t>(3 * k)),
         d_direction_(direction_.size()),
         scale_(static_cast<std::size_t>(k)),
@@ -104,26 +105,32 @@ class PointBlock {
 
  private:
   std::size_t row(int lane) const { return begin_ + static_cast<std::size_t>(std::min(lane, count_ - 1)); }
-  std::uint32_t neighbour(int lane, int j) const { return in_.index[row(lane) * k_ + j]; }
+  std::size_t neighbour(int lane, int j) const { return neighbour_[j * lanes + lane]; }
 
   // Rows past the end repeat the last one with a gradient of zero.
   void load() {
     const int width = op_.c0 + 3 * op_.c1;
-    duplicates_ = false;
-    for (int j = 0; j < k_; ++j) {
-      P d[3];
-      P* feature = edge_.features(j);
-      for (int lane = 0; lane < lanes; ++lane) {
-        const std::uint32_t from = neighbour(lane, j);
-        const T *centre = in_.centres + 3 * row(lane), *at = in_.neighbours + 3 * std::size_t{from};
-        d[0][lane] = centre[1] - at[1];
-        d[1][lane] = centre[2] - at[2];
-        d[2][lane] = centre[0] - at[0];
-        const T* f = in_.features + from * in_.feature_stride;
-        for (int c = 0; c < width; ++c) feature[c][lane] = f[c];
-      }
-      set_direction(d, j);
+    for (int lane = 0; lane < lanes; ++lane) {
+      const std::uint32_t* index = in_.index + row(lane) * k_;
+      for (int j = 0; j < k_; ++j) neighbour_[j * lanes + lane] = index[j];
     }
+    const T* rows[lanes];
+    for (int j = 0; j < k_; ++j) {
+      for (int lane = 0; lane < lanes; ++lane)
+        rows[lane] = in_.features + neighbour(lane, j) * in_.feature_stride;
+      gather(rows, width, edge_.features(j));
+    }
+    for (int j = 0; j < k_; ++j) {
+      for (int lane = 0; lane < lanes; ++lane) {
+        const T* at = in_.neighbours + 3 * neighbour(lane, j);
+        for (int a = 0; a < 3; ++a) direction_[3 * j + a][lane] = at[(a + 1) % 3];
+      }
+    }
+    P centre[3];
+    for (int lane = 0; lane < lanes; ++lane)
+      for (int a = 0; a < 3; ++a) centre[a][lane] = in_.centres[3 * row(lane) + (a + 1) % 3];
+    duplicates_ = false;
+    for (int j = 0; j < k_; ++j) set_direction(centre, j);
     for (int lane = 0; lane < lanes; ++lane) {
       if (!op_.uniform) {
         const T* f = in_.features + row(lane) * in_.feature_stride;
@@ -141,13 +148,15 @@ class PointBlock {
   }
 
   // The feature of an edge of length zero moves to the other set of paths.
-  void set_direction(P* d, int j) {
+  void set_direction(const P* centre, int j) {
     const P none = zero_pack<T>();
+    P* d = &direction_[3 * j];
+    for (int a = 0; a < 3; ++a) d[a] = centre[a] - d[a];
     const P square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     P length = square;
     as_array<T>(length) = as_array<T>(length).sqrt().max(static_cast<T>(ops::direction_eps));
     scale_[j] = square > none ? 1 / length : none;
-    for (int a = 0; a < 3; ++a) direction_[3 * j + a] = d[a] * scale_[j];
+    for (int a = 0; a < 3; ++a) d[a] *= scale_[j];
     P is_zero = square > none ? none : none + 1;
     if (!duplicates_) {
       if (!(as_array<T>(is_zero) > 0).any()) return;
@@ -288,10 +297,11 @@ class PointBlock {
           for (int c = 0; c < op_.c1; ++c)
             for (int a = 0; a < 3; ++a) to[op_.c0 + 3 * c + a] += own1(d_own_, a)[c][lane];
         }
-        for (int j = 0; j < k_; ++j) {
-          T* to = out.features + std::size_t{neighbour(lane, j)} * width;
-          for (int c = 0; c < width; ++c) to[c] += edge_.gradient(j)[c][lane];
-        }
+      }
+      T* rows[lanes];
+      for (int j = 0; j < k_; ++j) {
+        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + neighbour(lane, j) * width;
+        scatter(edge_.gradient(j), width, count_, rows);
       }
     }
     if (out.centres || out.neighbours) store_positions(out);
@@ -306,7 +316,7 @@ class PointBlock {
         const P d = scale_[j] * (g[a] - along * v[a]);
         for (int lane = 0; lane < count_; ++lane) {
           if (out.centres) out.centres[3 * row(lane) + (a + 1) % 3] += d[lane];
-          if (out.neighbours) out.neighbours[3 * std::size_t{neighbour(lane, j)} + (a + 1) % 3] -= d[lane];
+          if (out.neighbours) out.neighbours[3 * neighbour(lane, j) + (a + 1) % 3] -= d[lane];
         }
       }
     }
@@ -320,6 +330,7 @@ class PointBlock {
   int count_ = 0;
   bool duplicates_ = false;
   PointPathSet<T> edge_, zero_;
+  std::vector<std::uint32_t> neighbour_;
   std::array<PackMatrix<T>, name_count> matrix_;
   // Over edges: v, 1/|d| (0 where d is), softmax weights and the gradient of the weights, then of the logits.
   Packs<T> direction_, d_direction_, scale_, weight_, d_weight_;

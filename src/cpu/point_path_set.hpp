@@ -77,7 +77,6 @@ class PointPathSet {
   /// Writes gradient() where dφ_j = Σ_h a[j, h] x_h + b[j, h] y_h; adds the gradient of the directions unless
   /// nullptr.
   void differentiate(const P* a, const P* x, const P* b, const P* y, const P* directions, P* d_directions) {
-    std::fill(gradient_.begin(), gradient_.end(), zero_pack<T>());
     for_each_channel([&](auto paths, auto heads, const Channel& channel, int h) {
       using Paths = decltype(paths);
       constexpr int count = decltype(heads)::value;
@@ -92,7 +91,8 @@ class PointPathSet {
         }
         const int input = j * inputs_ + channel.input;
         Paths::adjoint(g, &features_[input], directions + 3 * j, df, dv);
-        for (int i = 0; i < Paths::inputs; ++i) gradient_[input + i] += df[i];
+        for (int i = 0; i < Paths::inputs; ++i)
+          gradient_[input + i] = h == 0 ? df[i] : gradient_[input + i] + df[i];
       };
       if (d_directions == nullptr)
         for (int j = 0; j < k_; ++j) edge(j);
