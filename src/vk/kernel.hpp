@@ -93,6 +93,7 @@ KernelPtr make_kernel(const Site& site, const ops::PointAttention& op);
 KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op);
 KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op);
 KernelPtr make_kernel(const Site& site, const ops::PairAttention& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>& op);
 KernelPtr make_kernel(const Site& site, const ops::CgProduct& op);
 KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
 

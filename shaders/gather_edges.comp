@@ -1,0 +1,43 @@
+// gather_edges.comp: what a row's own record holds for it, and what the edges from it send, summed in the order of the
+// edges. An invocation per row and four columns.
+// in  0 begins u32[P]      where a row's edges begin in list[]
+// in  1 counts u32[P]
+// in  2 list   u32[Q·K]
+// in  3 edges  f32[E,F]    from first_edge on
+// in  4 record f32[Q,4·RECORD] from first_row on
+// in  5 tiles  u32[tiles,4]
+// out 6 result f32[P,F]
+// spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS | grid (tiles, QUADS) | shared 0 KiB
+// loops ≤ edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "common/parameters.glsl"
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint QUADS = 4;   // vec4s of a row
+layout(constant_id = 2) const uint RECORD = 64; // of a record
+layout(constant_id = 3) const uint OWN = 0;     // where the row's own part begins in it
+layout(constant_id = 4) const uint FLAGS = 3;
+
+const bool HAS_OWN = (FLAGS & 1u) != 0u, HAS_EDGES = (FLAGS & 2u) != 0u;
+
+layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
+layout(set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
+layout(set = 0, binding = 2) readonly buffer List { uint list[]; };
+layout(set = 0, binding = 3) readonly buffer Edges { vec4 edges[]; };
+layout(set = 0, binding = 4) readonly buffer Record { vec4 record[]; };
+layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
+layout(set = 0, binding = 6) writeonly buffer Result { vec4 result[]; };
+layout(push_constant) uniform Push { GatherParameters p; };
+
+void main() {
+  const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
+  const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1), quad = gl_WorkGroupID.y;
+  vec4 sum = vec4(0);
+  if (HAS_OWN) sum = record[(row - p.first_row) * RECORD + OWN + quad];
+  if (HAS_EDGES) {
+    const uint begin = begins[row], end = begin + counts[row];
+    for (uint i = begin; i < end; ++i) sum += edges[(list[i] - p.first_edge) * QUADS + quad];
+  }
+  if (tile.y + gl_LocalInvocationID.x < tile.z) result[row * QUADS + quad] = sum;
+}

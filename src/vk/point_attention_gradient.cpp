@@ -1,0 +1,353 @@
+#include "vk/point_attention_gradient.hpp"
+
+#include <algorithm>
+
+#include "core/failure.hpp"
+#include "point_attention_gradient.spv.hpp"
+#include "point_attention_sums.spv.hpp"
+#include "vk/outer_sums.hpp"
+#include "vk/reverse_neighbours.hpp"
+
+namespace bitr::vk {
+namespace {
+
+constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read,   Access::read,    Access::read,
+                                   Access::read, Access::read, Access::modify, Access::constant};
+constexpr Access gradient_bindings[] = {Access::read,   Access::read,  Access::read,
+                                        Access::read,   Access::read,  Access::read,
+                                        Access::modify, Access::write, Access::constant};
+constexpr Shader sum_shader{"point_attention_sums", spirv::point_attention_sums, sum_bindings,
+                            sizeof(PointGradientParameters), 9};
+constexpr Shader gradient_shader{"point_attention_gradient", spirv::point_attention_gradient,
+                                 gradient_bindings, sizeof(PointGradientParameters), 9};
+
+// FLAGS of the shaders.
+constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
+                        relu_square = 32, zero_edges = 64, constant_feature = 128, wants_features = 256,
+                        wants_centres = 512;
+
+constexpr std::uint32_t listed_tiles = 32;
+
+std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
+std::uint32_t quads(int n) { return padded(n) / 4; }
+std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
+
+// What is kept of a row, in vec4s (common/point_layer.glsl).
+struct Record {
+  explicit Record(const ops::PointAttention& op) {
+    const int heads = op.heads, n0 = op.n0(), n1 = op.m1 > 0 ? op.n1() : 0, z0 = op.c0 + 1,
+              z1 = op.m1 > 0 ? op.c1 : 0;
+    const int queries = op.uniform ? 0 : 1, vector_queries = op.M1.size() > 0 ? 1 : 0;
+    given0 = scalars(op.m0);
+    given1 = vectors(op.m1);
+    mixed = vectors(op.relu ? op.m1 : 0);
+    linear = vectors(op.relu ? op.m1 : 0);
+    own0 = scalars(z0);
+    own1 = vectors(op.c1);
+    sum0 = scalars(heads * n0);
+    sum1 = vectors(heads * n1);
+    query0 = scalars(queries * heads * n0);
+    query1 = vectors(vector_queries * heads * n1);
+    zero_sum0 = scalars(heads * z0);
+    zero_sum1 = vectors(heads * z1);
+    zero_query0 = scalars(queries * heads * z0);
+    zero_query1 = vectors(vector_queries * heads * z1);
+    if (op.m1 == 0) scalars(heads * n0), scalars(heads * z0);
+    state = scalars(4 * (1 + heads)).at;
+    own = scalars(op.c0 + 3 * op.c1).at;
+    centre = scalars(4).at;
+  }
+  RecordVectors given0, given1, mixed, linear, own0, own1, sum0, sum1, query0, query1, zero_sum0, zero_sum1,
+      zero_query0, zero_query1;
+  std::uint32_t state, own, centre, size = 0;
+
+ private:
+  RecordVectors scalars(int n) {
+    const RecordVectors result{size, number(n), 0};
+    size += quads(n);
+    return result;
+  }
+  RecordVectors vectors(int n) {
+    const RecordVectors result{size, number(n), quads(n)};
+    size += 3 * quads(n);
+    return result;
+  }
+};
+
+class PointGradientKernel : public Kernel {
+ public:
+  PointGradientKernel(const Site& site, const ops::PointAttention& op, const PointGradientSlots& slots)
+      : op_(op),
+        slots_(slots),
+        capabilities_(site.context.capabilities()),
+        layout_(op),
+        k_(number(site.in[slots.index].per_row)),
+        rows_(site.in[slots.given].rows),
+        points_(site.in[slots.neighbours].rows) {
+    if (op.per_cloud && (op.relu || slots.d_centres >= 0 || slots.d_constants >= 0))
+      throw Failure(ErrorCode::unsupported,
+                    "a layer with coefficients per cloud has no gradient of those alone");
+    weights_ = add_weights();
+    if (slots.d_constants >= 0) add_products();
+    if (slots.d_coefficients >= 0) add_coefficient_products();
+    jobs_ = add(products_.jobs());
+    places_ = add(products_.places());
+    make_pipelines(site.context);
+    if (slots.d_features >= 0) lists_.emplace(site.context, static_cast<int>(k_));
+  }
+
+  std::size_t scratch_bytes(const graph::BatchLayout& layout) const override { return memory(layout).bytes; }
+
+  void record(const Arguments& args) const override {
+    const Memory memory = this->memory(args.layout);
+    const RowTable &table = args.tables.of(rows_), &points = args.tables.of(points_);
+    const Range records = args.scratch.sub(0, memory.edges),
+                edges = args.scratch.sub(memory.edges, memory.edge_bytes);
+    const OuterSums::Memory sums{jobs_.of(args), places_.of(args),
+                                 args.scratch.sub(memory.partials, memory.partial_bytes)};
+    EdgeLists lists{records, records, records};
+    if (lists_)
+      lists = lists_->record(args, args.scratch.sub(memory.lists, memory.list_bytes), args.in[slots_.index],
+                             rows_, points_);
+    for (const Run& run : runs(args.layout, table)) {
+      record_rows(args, table, run, records, edges);
+      if (!products_.empty())
+        products_.record_sums(args, sums, records, table, run.rows.first, run.rows.count, run.rows.first_row);
+      if (slots_.d_centres >= 0)
+        centres_->record(args, {run.rows.first, run.rows.count, run.rows.first_row, 0}, lists, records,
+                         records, table, args.out[slots_.d_centres].range);
+      if (slots_.d_features >= 0) {
+        const auto [first, end] = tiles_of(points, run.first_cloud, run.end_cloud);
+        features_->record(args, {first, end - first, run.rows.first_row, run.rows.first_row * k_}, lists,
+                          edges, records, points, args.out[slots_.d_features].range);
+      }
+    }
+    const int totals = slots_.d_constants >= 0 ? slots_.d_constants : slots_.d_coefficients;
+    if (totals >= 0) products_.record_totals(args, sums, table, args.layout.clouds(), args.out[totals].range);
+  }
+
+ private:
+  struct Part {
+    VkDeviceSize offset, bytes;  // of the constants
+    Range of(const Arguments& args) const { return args.constants.sub(offset, bytes); }
+  };
+  // Whole clouds whose records and edges fit into one binding.
+  struct Run {
+    std::uint32_t first_cloud, end_cloud;
+    TileRun rows;
+  };
+  struct Memory {
+    std::size_t edges, edge_bytes, partials, partial_bytes, lists, list_bytes, bytes;  // records come first
+  };
+
+  Part add(const std::vector<std::uint32_t>& numbers) {
+    const VkDeviceSize offset = sizeof(std::uint32_t) * constants().size();
+    for (const std::uint32_t x : numbers) add_constant(x);
+    if (numbers.empty()) add_constant(0u);
+    pad_constants(64);
+    return {offset, sizeof(std::uint32_t) * std::max<std::size_t>(numbers.size(), 4)};
+  }
+
+  Part add_weights() {
+    const ops::PointAttention& op = op_;
+    for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
+    pad_constants(4);
+    if (!op.per_cloud)
+      for (const auto* matrix : {&op.M0, &op.O0, &op.S0, &op.Mz0, &op.Oz0}) add_constants(*matrix);
+    pad_constants(4);
+    if (slots_.constant) add_constant(*slots_.constant);
+    if (constants().empty()) add_constant(0.0);
+    pad_constants(4);
+    const VkDeviceSize bytes = sizeof(std::uint32_t) * constants().size();
+    pad_constants(64);
+    return {0, bytes};
+  }
+
+  // In the order of ops::constants().
+  void add_products() {
+    const Record& r = layout_;
+    const auto add = [this](const Eigen::MatrixXd& matrix, const RecordVectors& left,
+                            const RecordVectors& right, std::uint32_t components, bool flagged = false) {
+      if (matrix.size() > 0) products_.add(left, right, components, false, flagged);
+    };
+    add(op_.M0, r.query0, r.own0, 1);
+    add(op_.M1, r.query1, r.own1, 3);
+    add(op_.O0, r.given0, r.sum0, 1);
+    add(op_.O1, r.given1, r.sum1, 3);
+    add(op_.S0, r.given0, r.own0, 1);
+    add(op_.S1, r.given1, r.own1, 3);
+    add(op_.Mz0, r.zero_query0, r.own0, 1, true);
+    add(op_.Mz1, r.zero_query1, r.own1, 3, true);
+    add(op_.Oz0, r.given0, r.zero_sum0, 1, true);
+    add(op_.Oz1, r.given1, r.zero_sum1, 3, true);
+    add(op_.plane, r.mixed, r.linear, 3);
+  }
+
+  // As ops::PointAttention states them.
+  void add_coefficient_products() {
+    const Record& r = layout_;
+    products_.add(r.query0, r.own0, 1, true);
+    products_.add(r.given0, r.sum0, 1, true);
+    products_.add(r.given0, r.own0, 1, true);
+    products_.add(r.zero_query0, r.own0, 1, true, true);
+    products_.add(r.given0, r.zero_sum0, 1, true, true);
+  }
+
+  void make_pipelines(const Context& context) {
+    const ops::PointAttention& op = op_;
+    const std::uint32_t flags =
+        (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) | (op.per_cloud ? per_cloud : 0u) |
+        (op.relu ? relu : 0u) | (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
+        (slots_.constant ? constant_feature : 0u) | (slots_.d_features >= 0 ? wants_features : 0u) |
+        (slots_.d_centres >= 0 ? wants_centres : 0u);
+    for (const bool zero : {false, true}) {
+      const std::array sizes{tile_rows,
+                             k_,
+                             number(op.c0),
+                             number(op.c1),
+                             number(op.m0),
+                             number(op.m1),
+                             number(op.heads),
+                             flags | (zero ? zero_edges : 0u),
+                             static_cast<std::uint32_t>(weights_.bytes / 16)};
+      sum_pipelines_[zero] = &context.pipeline(sum_shader, sizes);
+      gradient_pipelines_[zero] = &context.pipeline(gradient_shader, sizes);
+    }
+    if (!products_.empty())
+      products_.make_pipelines(context, layout_.size, layout_.state, slots_.d_coefficients >= 0);
+    if (slots_.d_features >= 0)
+      features_.emplace(context,
+                        EdgeGather::Shape{feature_width(), layout_.size, layout_.own, !op.uniform, true});
+    if (slots_.d_centres >= 0)
+      centres_.emplace(context, EdgeGather::Shape{4, layout_.size, layout_.centre, true, false});
+  }
+
+  std::uint32_t feature_width() const { return padded(op_.c0 + 3 * op_.c1); }
+  std::size_t record_bytes() const { return 16 * std::size_t{layout_.size}; }
+  std::size_t edge_bytes() const {
+    return slots_.d_features >= 0 ? sizeof(float) * std::size_t{feature_width()} * k_ : 0;
+  }
+  std::size_t most_rows() const {
+    return capabilities_.storage_range / std::max(record_bytes(), edge_bytes());
+  }
+
+  Memory memory(const graph::BatchLayout& layout) const {
+    const std::size_t rows = std::min(layout.rows(rows_), most_rows());
+    Memory memory{};
+    memory.edges = aligned(rows * record_bytes());
+    memory.edge_bytes = std::max<std::size_t>(aligned(rows * edge_bytes()), 256);
+    memory.partials = memory.edges + memory.edge_bytes;
+    memory.partial_bytes = std::max<std::size_t>(aligned(products_.partial_bytes(layout, rows_)), 256);
+    memory.lists = memory.partials + memory.partial_bytes;
+    memory.list_bytes = lists_ ? lists_->bytes(layout.rows(rows_), layout.rows(points_)) : 0;
+    memory.bytes = memory.lists + memory.list_bytes;
+    return memory;
+  }
+
+  std::vector<Run> runs(const graph::BatchLayout& layout, const RowTable& table) const {
+    std::vector<Run> all;
+    const std::uint32_t clouds = layout.clouds();
+    for (std::uint32_t first = 0; first < clouds;) {
+      const std::size_t first_row = layout.begin(rows_, first) / 64 * 64;
+      std::uint32_t end = first;
+      while (end < clouds && layout.begin(rows_, end + 1) - first_row <= most_rows()) ++end;
+      if (end == first)
+        throw Failure(ErrorCode::unsupported,
+                      "a cloud of " +
+                          std::to_string(layout.begin(rows_, first + 1) - layout.begin(rows_, first)) +
+                          " points; this device trains on at most " + std::to_string(most_rows() - 63));
+      const auto [first_tile, end_tile] = tiles_of(table, first, end);
+      all.push_back({first,
+                     end,
+                     {first_tile, end_tile - first_tile, static_cast<std::uint32_t>(first_row),
+                      static_cast<std::uint32_t>(layout.begin(rows_, end))}});
+      first = end;
+    }
+    return all;
+  }
+
+  static std::array<std::uint32_t, 2> tiles_of(const RowTable& table, std::uint32_t first,
+                                               std::uint32_t end) {
+    const auto before = [&](std::uint32_t segment) {
+      const auto& all = table.host_tiles;
+      return static_cast<std::uint32_t>(
+          std::partition_point(all.begin(), all.end(), [&](const auto& tile) { return tile[0] < segment; }) -
+          all.begin());
+    };
+    return {before(first), before(end)};
+  }
+
+  void record_rows(const Arguments& args, const RowTable& table, const Run& run, const Range& records,
+                   const Range& edges) const {
+    const TileRun& rows = run.rows;
+    if (rows.count == 0) return;
+    const Range centres = args.in[slots_.centres].range;
+    const Range features = slots_.features >= 0 ? args.in[slots_.features].range : centres;
+    const std::vector<Range> shared = {features,
+                                       rows_of(args.in[slots_.index], rows),
+                                       centres,
+                                       args.in[slots_.neighbours].range,
+                                       op_.per_cloud ? args.in[slots_.coefficients].range : features,
+                                       table.tiles};
+    const auto with = [&](std::initializer_list<Range> more) {
+      std::vector<Range> all = shared;
+      all.insert(all.end(), more);
+      return all;
+    };
+    const double cost = k_ * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
+    const auto most =
+        static_cast<std::uint32_t>(std::clamp(most_cost / (5 * cost * tile_rows), 1.0, 65535.0));
+    const auto dispatch = [&](const Pipeline* const(&pipelines)[2], const std::vector<Range>& ranges,
+                              double factor) {
+      for (std::uint32_t first = 0; first < rows.count; first += most) {
+        const std::uint32_t tiles = std::min(rows.count - first, most);
+        const PointGradientParameters parameters{rows.first + first, tiles, rows.first_row};
+        args.schedule.dispatch(*pipelines[0], ranges, parameters, {tiles, 1, 1},
+                               factor * cost * tiles * tile_rows);
+        // Tiles that have edges of length zero, once more.
+        args.schedule.dispatch(*pipelines[1], ranges, parameters,
+                               {(tiles + listed_tiles - 1) / listed_tiles, 1, 1}, factor * cost * tiles);
+      }
+    };
+    const Range weights = weights_.of(args);
+    dispatch(sum_pipelines_, with({args.in[slots_.given].range, records, weights}), 1);
+    dispatch(gradient_pipelines_, with({records, edges, weights}), 4);
+  }
+
+  const ops::PointAttention op_;
+  const PointGradientSlots slots_;
+  const Capabilities& capabilities_;
+  const Record layout_;
+  const std::uint32_t k_;
+  const graph::Rows rows_, points_;
+  OuterSums products_;
+  Part weights_{}, jobs_{}, places_{};
+  const Pipeline *sum_pipelines_[2] = {}, *gradient_pipelines_[2] = {};
+  std::optional<ReverseNeighbours> lists_;
+  std::optional<EdgeGather> features_, centres_;
+};
+
+}  // namespace
+
+KernelPtr make_point_gradient(const Site& site, const ops::PointAttention& op,
+                              const PointGradientSlots& slots) {
+  return std::make_unique<PointGradientKernel>(site, op, slots);
+}
+
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>& op) {
+  if (op.wanted_at(3) >= 0)
+    throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");
+  return make_point_gradient(site, op.op,
+                             {.features = 0,
+                              .index = 1,
+                              .centres = 2,
+                              .neighbours = 3,
+                              .coefficients = op.op.per_cloud ? 4 : -1,
+                              .given = op.given_at(0),
+                              .d_features = op.wanted_at(0),
+                              .d_centres = op.wanted_at(2),
+                              .d_coefficients = op.op.per_cloud ? op.wanted_at(4) : -1,
+                              .d_constants = op.constants_at()});
+}
+
+}  // namespace bitr::vk

@@ -1,0 +1,105 @@
+#include "vk/reverse_neighbours.hpp"
+
+#include <algorithm>
+
+#include "core/failure.hpp"
+#include "gather_edges.spv.hpp"
+#include "reverse_neighbours_clear.spv.hpp"
+#include "reverse_neighbours_count.spv.hpp"
+#include "reverse_neighbours_fill.spv.hpp"
+#include "reverse_neighbours_scan.spv.hpp"
+#include "reverse_neighbours_sort.spv.hpp"
+
+namespace bitr::vk {
+namespace {
+
+constexpr Access clear_bindings[] = {Access::write};
+constexpr Access count_bindings[] = {Access::read, Access::modify, Access::write};
+constexpr Access scan_bindings[] = {Access::read, Access::read, Access::read, Access::write};
+constexpr Access fill_bindings[] = {Access::read, Access::read, Access::read, Access::write};
+constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
+constexpr Access gather_bindings[] = {Access::read, Access::read, Access::read, Access::read,
+                                      Access::read, Access::read, Access::write};
+constexpr Shader clear_shader{"reverse_neighbours_clear", spirv::reverse_neighbours_clear, clear_bindings,
+                              sizeof(EdgeParameters), 1};
+constexpr Shader count_shader{"reverse_neighbours_count", spirv::reverse_neighbours_count, count_bindings,
+                              sizeof(EdgeParameters), 1};
+constexpr Shader scan_shader{"reverse_neighbours_scan", spirv::reverse_neighbours_scan, scan_bindings,
+                             sizeof(SegmentParameters), 2};
+constexpr Shader fill_shader{"reverse_neighbours_fill", spirv::reverse_neighbours_fill, fill_bindings,
+                             sizeof(EdgeParameters), 1};
+constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbours_sort, sort_bindings,
+                             sizeof(EdgeParameters), 1};
+constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
+                               5};
+
+constexpr std::uint32_t work_group = 128;
+
+std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
+std::size_t list_bytes(std::size_t count) { return aligned(sizeof(std::uint32_t) * count); }
+
+}  // namespace
+
+ReverseNeighbours::ReverseNeighbours(const Context& context, int k)
+    : capabilities_(context.capabilities()),
+      k_(static_cast<std::uint32_t>(k)),
+      clear_(&context.pipeline(clear_shader, std::array{work_group})),
+      count_(&context.pipeline(count_shader, std::array{work_group})),
+      scan_(&context.pipeline(scan_shader, std::array{work_group, k_})),
+      fill_(&context.pipeline(fill_shader, std::array{work_group})),
+      sort_(&context.pipeline(sort_shader, std::array{work_group})) {}
+
+std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbours) const {
+  return 2 * list_bytes(neighbours) + 2 * list_bytes(rows * k_);
+}
+
+EdgeLists ReverseNeighbours::record(const Arguments& args, const Range& scratch, const Slot& index,
+                                    graph::Rows rows, graph::Rows neighbours) const {
+  const auto count = static_cast<std::uint32_t>(args.layout.rows(neighbours));
+  const auto edges = static_cast<std::uint32_t>(args.layout.rows(rows) * k_);
+  if (sizeof(std::uint32_t) * edges > capabilities_.storage_range)
+    throw Failure(ErrorCode::unsupported, "a batch with " + std::to_string(edges) +
+                                              " edges; the device binds the lists of " +
+                                              std::to_string(capabilities_.storage_range / 4));
+  const Range counts = scratch.sub(0, sizeof(std::uint32_t) * count),
+              begins = scratch.sub(list_bytes(count), counts.size),
+              places = scratch.sub(2 * list_bytes(count), sizeof(std::uint32_t) * edges),
+              unsorted = scratch.sub(2 * list_bytes(count) + list_bytes(edges), places.size);
+  const auto all = [&](const Pipeline& pipeline, std::uint32_t items, const std::vector<Range>& ranges) {
+    const std::uint32_t most = capabilities_.groups * work_group;
+    for (std::uint32_t first = 0; first < items; first += most) {
+      const std::uint32_t end = items - first > most ? first + most : items;
+      args.schedule.dispatch(pipeline, ranges, EdgeParameters{first, end},
+                             {(end - first + work_group - 1) / work_group, 1, 1}, 30.0 * (end - first));
+    }
+  };
+  all(*clear_, count, {counts});
+  all(*count_, edges, {index.range, counts, places});
+  const std::uint32_t segments = args.layout.segments(neighbours);
+  for (std::uint32_t first = 0; first < segments; first += capabilities_.groups)
+    args.schedule.dispatch(*scan_,
+                           {counts, args.tables.of(neighbours).offsets, args.tables.of(rows).offsets, begins},
+                           SegmentParameters{first, segments},
+                           {std::min(segments - first, capabilities_.groups), 1, 1}, 10.0 * count);
+  all(*fill_, edges, {index.range, begins, places, unsorted});
+  // The places are not needed any more: the sorted lists take theirs.
+  all(*sort_, edges, {index.range, begins, counts, unsorted, places});
+  return {begins, counts, places};
+}
+
+EdgeGather::EdgeGather(const Context& context, const Shape& shape)
+    : shape_(shape),
+      pipeline_(&context.pipeline(gather_shader,
+                                  std::array{tile_rows, shape.width / 4, shape.record, shape.own,
+                                             (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u)})) {}
+
+void EdgeGather::record(const Arguments& args, const Run& run, const EdgeLists& lists, const Range& edges,
+                        const Range& record, const RowTable& table, const Range& result) const {
+  if (run.tiles == 0) return;
+  args.schedule.dispatch(*pipeline_,
+                         {lists.begins, lists.counts, lists.list, edges, record, table.tiles, result},
+                         GatherParameters{run.first_tile, run.first_row, run.first_edge},
+                         {run.tiles, shape_.width / 4, 1}, 100.0 * run.tiles * tile_rows * shape_.width);
+}
+
+}  // namespace bitr::vk

@@ -1,0 +1,53 @@
+// Edges by the row they come from, for sums over them in a fixed order.
+#pragma once
+
+#include "vk/kernel.hpp"
+
+namespace bitr::vk {
+
+/// For each row of the neighbours, the edges (row · k + j) that come from it, ascending.
+struct EdgeLists {
+  Range begins, counts, list;
+};
+
+class ReverseNeighbours {
+ public:
+  ReverseNeighbours(const Context& context, int k);
+
+  /// Bytes for an index tensor with k neighbours of each of `rows` rows among `neighbours` others.
+  std::size_t bytes(std::size_t rows, std::size_t neighbours) const;
+  /// Makes the lists in `scratch`. `rows`: what the index tensor has a row of.
+  EdgeLists record(const Arguments& args, const Range& scratch, const Slot& index, graph::Rows rows,
+                   graph::Rows neighbours) const;
+
+ private:
+  const Capabilities& capabilities_;
+  std::uint32_t k_;
+  const Pipeline *clear_, *count_, *scan_, *fill_, *sort_;
+};
+
+/// Adds up what the edges from each row send, behind what the row's record holds.
+class EdgeGather {
+ public:
+  struct Shape {
+    std::uint32_t width = 4;            ///< numbers of a row and of an edge, a multiple of 4
+    std::uint32_t record = 1, own = 0;  ///< vec4s of a record; where the row's part begins in it
+    bool has_own = true, has_edges = true;
+  };
+  /// What of a kernel's memory a run of tiles meets.
+  struct Run {
+    std::uint32_t first_tile, tiles;
+    std::uint32_t first_row;   ///< of `record`
+    std::uint32_t first_edge;  ///< of `edges`
+  };
+  EdgeGather(const Context& context, const Shape& shape);
+
+  void record(const Arguments& args, const Run& run, const EdgeLists& lists, const Range& edges,
+              const Range& record, const RowTable& table, const Range& result) const;
+
+ private:
+  Shape shape_;
+  const Pipeline* pipeline_;
+};
+
+}  // namespace bitr::vk

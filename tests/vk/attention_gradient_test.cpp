@@ -1,0 +1,153 @@
+// Gradients of the attention layers on Vulkan against the CPU in double, of random gradients of their
+// outputs, on the tensors the layers meet in the network; nothing outside their outputs touched.
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "model/build.hpp"
+#include "ops/constants.hpp"
+#include "support/cloud_batch.hpp"
+#include "support/configurations.hpp"
+#include "support/op_run.hpp"
+#include "support/vulkan.hpp"
+
+namespace bitr {
+namespace {
+
+using test::OpTensor;
+
+struct Case {
+  const char* name;
+  ModelConfig config;
+  std::vector<std::array<std::size_t, 2>> pairs;
+  std::size_t duplicates;  ///< every so many points; 0: none
+  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
+};
+
+std::vector<Case> cases() {
+  ModelConfig normals, shallow, wide, square;
+  normals.return_normals = normals.get_color = true;
+  normals.key_global_merge_coe = 8;
+  square.relu_square = true;
+  square.return_normals = true;
+  shallow.num_layers = shallow.feature_num_layers = 0;
+  shallow.k_neighbor = shallow.re_convert_k = shallow.key_mean_num = 1;
+  shallow.num_key_points = 4;
+  wide.num_channels = wide.feature_num_channels = 6;
+  wide.div = 3;
+  wide.num_key_points = 36;
+  wide.k_neighbor = 37;
+  wide.key_mean_num = 64;
+  wide.re_convert_k = 33;
+  wide.num_layers = wide.feature_num_layers = 1;
+  return {{"one_more", {}, {{26, 25}}, 0},
+          {"ragged", {}, {{25, 333}, {129, 31}, {64, 65}}, 0},
+          {"normals_duplicates", normals, {{70, 41}, {26, 100}}, 2},
+          {"square", square, {{90, 130}}, 20},
+          {"one_neighbour", shallow, {{2, 3}, {9, 2}}, 0},
+          {"wide", wide, {{65, 70}}, 5}};
+}
+
+constexpr double bound = 1e-4;  // of the largest entry
+
+class AttentionGradient : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    if (!test::vulkan()) GTEST_SKIP() << "no Vulkan";
+    random_.emplace(99);
+    batch_.emplace(*random_, GetParam().pairs);
+    if (GetParam().duplicates) batch_->add_duplicates(GetParam().duplicates);
+    const auto weights = test::perturbed_weights(GetParam().config, 3);
+    executor_.emplace(model::fold(model::build_graph(weights, Mode::scale_exact)), true);
+    batch_->run(*executor_, GetParam().config.num_key_points, pool_);
+    layout_ = batch_->layout(GetParam().config.num_key_points);
+  }
+
+  template <class Operation>
+  void check() {
+    for (const graph::Node& node : executor_->graph().nodes)
+      if (const auto* op = std::get_if<Operation>(&node.op)) {
+        SCOPED_TRACE(node.name);
+        check(*op, node);
+      }
+  }
+
+  // With respect to everything that may depend on weights.
+  template <class Operation>
+  void check(const Operation& op, const graph::Node& node) {
+    ops::Gradient<Operation> gradient{.op = op,
+                                      .inputs = static_cast<int>(node.inputs.size()),
+                                      .outputs = 1,
+                                      .given = {0},
+                                      .wanted = {},
+                                      .constants = ops::constant_count(op) > 0};
+    std::vector<OpTensor> inputs, outputs;
+    for (std::size_t i = 0; i < node.inputs.size(); ++i) {
+      inputs.push_back(value(node.inputs[i]));
+      if (inputs.back().index || !wanted(node.inputs[i])) continue;
+      gradient.wanted.push_back(static_cast<int>(i));
+      outputs.push_back(OpTensor::like(executor_->graph().tensors[node.inputs[i]]));
+    }
+    inputs.push_back(value(node.outputs[0]));
+    inputs.push_back(inputs.back());
+    for (double& x : inputs.back().values) x = static_cast<float>(random_->normal());
+    if (gradient.constants)
+      outputs.push_back({graph::Rows::one, 1, static_cast<int>(ops::constant_count(op)), false, {}, {}});
+    const auto exact = test::run_op<double>(gradient, layout_, inputs, outputs, pool_);
+    const auto device = test::run_op_vulkan(gradient, layout_, inputs, outputs);
+    for (std::size_t i = 0; i < device.size(); ++i) {
+      SCOPED_TRACE(i < gradient.wanted.size() ? "input " + std::to_string(gradient.wanted[i]) : "constants");
+      compare(device[i].values, exact[i].values);
+    }
+  }
+
+  bool wanted(graph::TensorId id) const {
+    const graph::Graph& graph = executor_->graph();
+    return id != graph.positions && id != graph.normals && id != graph.colors;
+  }
+
+  OpTensor value(graph::TensorId id) const {
+    const auto& info = executor_->graph().tensors[id];
+    OpTensor tensor = OpTensor::like(info);
+    const std::size_t count = layout_.rows(info.rows) * info.per_row * info.width;
+    if (tensor.index) {
+      const auto* data = executor_->template data<std::uint32_t>(id);
+      tensor.indices.assign(data, data + count);
+    } else {
+      const std::vector<float> rounded(executor_->data(id), executor_->data(id) + count);
+      tensor.values.assign(rounded.begin(), rounded.end());
+    }
+    return tensor;
+  }
+
+  void compare(const std::vector<double>& single, const std::vector<double>& exact) {
+    ASSERT_EQ(single.size(), exact.size());
+    double worst = 0, largest = 0;
+    std::size_t where = 0;
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      ASSERT_TRUE(std::isfinite(single[i]) && std::isfinite(exact[i])) << "element " << i;
+      if (std::abs(single[i] - exact[i]) > worst) where = i;
+      worst = std::max(worst, std::abs(single[i] - exact[i]));
+      largest = std::max(largest, std::abs(exact[i]));
+    }
+    EXPECT_LE(worst, bound * largest)
+        << "element " << where << " of " << exact.size() << ": " << single[where] << ", not " << exact[where];
+    if (largest > 0) worst_ = std::max(worst_, worst / largest);
+  }
+  void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }
+
+  std::optional<Random> random_;
+  std::optional<test::CloudBatch> batch_;
+  std::optional<cpu::Executor<double>> executor_;
+  graph::BatchLayout layout_;
+  cpu::ThreadPool pool_{2};
+  double worst_ = 0;
+};
+
+TEST_P(AttentionGradient, PointAttention) { check<ops::PointAttention>(); }
+
+INSTANTIATE_TEST_SUITE_P(Cases, AttentionGradient, testing::ValuesIn(cases()),
+                         [](const auto& c) { return c.param.name; });
+
+}  // namespace
+}  // namespace bitr
