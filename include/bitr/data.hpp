@@ -28,6 +28,13 @@ struct DataPart {
   std::filesystem::path folder = {};  ///< without a kind: searched with all folders below it for what
                                       ///< read_geometry reads; or one such file
 
+  /// Of a kind, to draw samples more quickly: so many points of each side (each fragment, or each of two
+  /// samples of the shape) are drawn once, in single precision, and every sample takes some of them. At least
+  /// points_high, up to a million; 0: every sample is drawn anew.
+  std::size_t pool = 0;
+  std::size_t breaks = 4;  ///< with a pool: ways in which a shape is broken, one for each time it comes
+                           ///< round, 1 … 1000; without: endless
+
   std::optional<Protocol> protocol = {};     ///< empty: the kind's own way; opposed for files
   double share_low = 0.7, share_high = 0.7;  ///< a crop's share is uniform between them
   double weight = 1;                         ///< of all samples, relative to the other parts'; above 0

@@ -23,6 +23,7 @@ using generate::mix;
 
 constexpr std::size_t most_shapes = 10'000'000;
 constexpr std::uint64_t most_attempts = 100;
+constexpr std::size_t largest_pool = 1'000'000, most_breaks = 1000;
 
 /// A part's shapes that are in the split.
 struct Part {
@@ -32,6 +33,12 @@ struct Part {
   std::vector<std::string> files;               ///< below the folder, sorted
   std::uint64_t first_sample = 0, samples = 0;  ///< of an epoch in its order
 
+  /// How its shapes become pairs.
+  generate::Way way() const { return kind && !recipe.protocol ? kind->way : generate::Way::cropped; }
+  /// Ways in which a shape is kept.
+  std::size_t versions() const {
+    return recipe.pool > 0 && way() == generate::Way::broken ? recipe.breaks : 1;
+  }
   std::size_t shapes() const { return kind ? seeds.size() : files.size(); }
   std::string name(std::size_t i) const {
     return kind ? std::string(kind->shape) + "/" + std::to_string(recipe.first_seed + seeds[i]) : files[i];
@@ -105,6 +112,12 @@ Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {
     const auto kind = generate::kind_named(recipe.kind);
     if (!kind) return tl::unexpected(kind.error());
     part.kind = *kind;
+    if (recipe.pool != 0 && (recipe.pool < options.points_high || recipe.pool > largest_pool))
+      return wrong("pool is " + std::to_string(recipe.pool) + ", neither 0 nor in " +
+                   std::to_string(options.points_high) + " … " + std::to_string(largest_pool));
+    if (recipe.breaks < 1 || recipe.breaks > most_breaks)
+      return wrong("breaks is " + std::to_string(recipe.breaks) + ", not in 1 … " +
+                   std::to_string(most_breaks));
     if (recipe.shapes < 1 || recipe.shapes > most_shapes)
       return wrong("shapes is " + std::to_string(recipe.shapes) + ", not in 1 … " +
                    std::to_string(most_shapes));
@@ -118,6 +131,7 @@ Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {
     }
   } else {
     if (recipe.folder.empty()) return wrong("it has neither a kind nor a folder");
+    if (recipe.pool != 0) return wrong("pool is for kinds, not for files");
     std::error_code error;
     const bool single =
         std::filesystem::is_regular_file(recipe.folder, error) && io::cloud_format(recipe.folder);
@@ -189,6 +203,10 @@ std::uint64_t fingerprint_of(const DataOptions& options, const std::vector<Part>
     for (const double number : {recipe.share_low, recipe.share_high, recipe.weight}) add_real(number);
     add(data::hash(recipe.kind));
     add(recipe.first_seed);
+    if (recipe.pool > 0) {
+      add(recipe.pool);
+      add(part.versions());
+    }
     add(part.shapes());
     for (const std::uint32_t seed : part.seeds) value = (value ^ seed) * 0x100000001b3ULL;
     for (const std::string& file : part.files) add(data::hash(file));
@@ -218,12 +236,13 @@ class DataSet::State {
     const Part& part = parts[p];
     // How often the part has been used, over all epochs, tells how far its shapes' order has come.
     const std::uint64_t use = epoch * part.samples + (slot - part.first_sample), count = part.shapes();
+    const std::uint64_t pass = use / count, version = pass % part.versions();
     std::uint64_t shape =
-        data::shuffled(use % count, count, mix(mix(mix(options.seed, p), 0x6f72646572ULL), use / count));
+        data::shuffled(use % count, count, mix(mix(mix(options.seed, p), 0x6f72646572ULL), pass));
     Error last;
     for (std::uint64_t attempt = 0; attempt < most_attempts; ++attempt) {
       if (attempt > 0) shape = Random(mix(seed, attempt)).below(count);
-      auto drawn = draw(p, shape, seed);
+      auto drawn = draw({p, shape, version}, seed);
       if (drawn) return drawn;
       last = drawn.error();
     }
@@ -241,32 +260,70 @@ class DataSet::State {
   }
 
  private:
-  using Key = std::pair<std::size_t, std::uint64_t>;
+  struct Key {
+    std::size_t part;
+    std::uint64_t shape, version;
+  };
 
   Result<std::shared_ptr<const AnyShape>> load(const Key& key) {
-    const auto& [p, shape] = key;
-    const std::uint64_t cache_key = static_cast<std::uint64_t>(p) << 32 | shape;
+    const Part& part = parts[key.part];
+    const std::uint64_t cache_key = key.part << 48 | (key.shape * part.versions() + key.version);
     if (auto found = cache_.find(cache_key)) return found;
-    const Part& part = parts[p];
     std::shared_ptr<const AnyShape> loaded;
-    if (part.kind) {
-      loaded = std::make_shared<AnyShape>(
-          generate::make_shape(*part.kind, part.recipe.first_seed + part.seeds[shape]));
-    } else {
-      auto file = data::FileShape::read(part.recipe.folder / part.files[shape],
+    if (!part.kind) {
+      auto file = data::FileShape::read(part.recipe.folder / part.files[key.shape],
                                         {.points = options.points_high, .normals = options.normals});
       if (!file) return tl::unexpected(file.error());
       loaded = std::make_shared<AnyShape>(std::move(*file));
+    } else {
+      const std::uint64_t seed = part.recipe.first_seed + part.seeds[key.shape];
+      auto shape = generate::make_shape(*part.kind, seed);
+      const std::size_t pool = part.recipe.pool;
+      loaded = pool == 0 ? std::make_shared<AnyShape>(std::move(shape))
+                         : std::make_shared<AnyShape>(data::DensePair(
+                               draw_uncut(part, *shape, pool, mix(mix(options.seed, seed), key.version))));
     }
     cache_.keep(cache_key, loaded);
     return loaded;
+  }
+
+  GeneratedPair draw_uncut(const Part& part, const generate::Shape& shape, std::size_t points,
+                           std::uint64_t seed) const {
+    Random random = generate::random_for(seed, Draw::roughness);
+    if (part.way() == generate::Way::broken)
+      return generate::break_in_two(shape, points,
+                                    random.uniform(options.roughness_low, options.roughness_high), seed);
+    return generate::sample_twice(shape, points, same_points(part), seed);
+  }
+
+  bool same_points(const Part& part) const {
+    const generate::Way way = part.way();
+    return way == generate::Way::copied || (way == generate::Way::cropped && options.same_points);
   }
 
   Result<GeneratedPair> make_pair(const Part& part, const AnyShape& shape, std::uint64_t seed) const {
     Random random = generate::random_for(seed, Draw::recipe);
     const std::size_t points = between(options.points_low, options.points_high, random);
     const double share = random.uniform(part.recipe.share_low, part.recipe.share_high);
-    const double roughness = random.uniform(options.roughness_low, options.roughness_high);
+    const bool same = same_points(part);
+    Result<GeneratedPair> pair;
+    if (const auto* file = std::get_if<data::FileShape>(&shape)) {
+      pair = file->sample_twice(points, same, seed);
+      if (!pair) return pair;
+    } else if (const auto* dense = std::get_if<data::DensePair>(&shape)) {
+      pair = dense->draw(points, same, seed);
+    } else {
+      pair = draw_uncut(part, *std::get<0>(shape), points, seed);
+    }
+    if (part.way() != generate::Way::cropped) {
+      generate::separate(*pair,
+                         {.noise = options.noise,
+                          .clip = options.clip,
+                          .translation = options.translation,
+                          .normals = options.normals},
+                         seed);
+      return pair;
+    }
     const CropOptions crop{.protocol = part.recipe.protocol.value_or(Protocol::opposed),
                            .share = share,
                            .noise = options.noise,
@@ -274,54 +331,39 @@ class DataSet::State {
                            .translation = options.translation,
                            .normals = options.normals,
                            .seed = seed};
-    if (const auto* file = std::get_if<data::FileShape>(&shape)) {
-      const auto whole = file->sample_twice(points, options.same_points, seed);
-      if (!whole) return tl::unexpected(whole.error());
-      return options.same_points ? crop_pair(whole->source, crop)
-                                 : crop_pair(whole->source, whole->reference, crop);
-    }
-    const generate::Shape& solid = *std::get<0>(shape);
-    const bool copied = !part.recipe.protocol && part.kind->way == generate::Way::copied;
-    if (part.recipe.protocol || part.kind->way == generate::Way::cropped)
-      return generate::sample_and_crop(solid, points, options.same_points, crop);
-    GeneratedPair pair = copied ? generate::sample_twice(solid, points, true, seed)
-                                : generate::break_in_two(solid, points, roughness, seed);
-    generate::separate(pair,
-                       {.noise = options.noise,
-                        .clip = options.clip,
-                        .translation = options.translation,
-                        .normals = options.normals},
-                       seed);
-    return pair;
+    auto cropped = same ? crop_pair(pair->source, crop) : crop_pair(pair->source, pair->reference, crop);
+    if (cropped) cropped->symmetry = pair->symmetry;
+    return cropped;
   }
 
-  Result<DataSample> draw(std::size_t p, std::uint64_t shape, std::uint64_t seed) {
-    const Key key{p, shape};
+  Result<DataSample> draw(const Key& key, std::uint64_t seed) {
+    const std::pair name(key.part, key.shape);
     {
       const std::lock_guard lock(skipped_mutex_);
-      if (const auto known = skipped_.find(key); known != skipped_.end())
+      if (const auto known = skipped_.find(name); known != skipped_.end())
         return fail(ErrorCode::bad_file, known->second);
     }
     const auto loaded = load(key);
     if (!loaded) {
       const std::lock_guard lock(skipped_mutex_);
-      skipped_.emplace(key, loaded.error().message);
+      skipped_.emplace(name, loaded.error().message);
       return tl::unexpected(loaded.error());
     }
-    auto pair = make_pair(parts[p], **loaded, seed);
+    const Part& part = parts[key.part];
+    auto pair = make_pair(part, **loaded, seed);
     if (!pair) return tl::unexpected(pair.error());
     return DataSample{std::move(pair->source),
                       std::move(pair->reference),
                       pair->T_reference_source,
                       pair->T_source_object,
                       pair->overlap,
-                      parts[p].name(shape),
+                      part.name(key.shape),
                       pair->symmetry};
   }
 
   data::ShapeCache cache_;
   std::mutex skipped_mutex_;
-  std::map<Key, std::string> skipped_;
+  std::map<std::pair<std::size_t, std::uint64_t>, std::string> skipped_;  // by part and shape
 };
 
 Result<DataSet> DataSet::open(const DataOptions& options) {

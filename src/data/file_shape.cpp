@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <string>
 
+#include "data/choose.hpp"
 #include "generate/seeds.hpp"
 #include "generate/solid.hpp"
 
@@ -55,14 +55,6 @@ void compact(Mesh& mesh) {
       vertex = moved[vertex];
     }
   mesh.vertices = std::move(vertices);
-}
-
-/// The first `count` of a random order.
-std::vector<std::uint32_t> draw(std::size_t size, std::size_t count, Random& random) {
-  std::vector<std::uint32_t> order(size);
-  std::iota(order.begin(), order.end(), 0u);
-  for (std::size_t i = 0; i < count; ++i) std::swap(order[i], order[i + random.below(size - i)]);
-  return order;
 }
 
 PointCloud chosen(const PointCloud& cloud, std::span<const std::uint32_t> points) {
@@ -121,12 +113,13 @@ Result<GeneratedPair> FileShape::sample_twice(std::size_t count, bool same_point
   }
   Random random = generate::random_for(seed, Draw::points);
   const bool enough = cloud_.size() / 2 >= count;
-  std::vector<std::uint32_t> order = draw(cloud_.size(), enough && !same_points ? 2 * count : count, random);
+  std::vector<std::uint32_t> order =
+      choose(cloud_.size(), enough && !same_points ? 2 * count : count, random);
   pair.source = chosen(cloud_, std::span(order).first(count));
   if (same_points) {
     pair.reference = pair.source;
   } else {
-    if (!enough) order = draw(cloud_.size(), count, random);
+    if (!enough) order = choose(cloud_.size(), count, random);
     pair.reference = chosen(cloud_, std::span(order).subspan(enough ? count : 0, count));
   }
   return pair;

@@ -7,8 +7,9 @@ namespace {
 constexpr std::size_t generated_bytes = 150'000;
 
 std::size_t bytes_of(const AnyShape& shape) {
-  const auto* file = std::get_if<FileShape>(&shape);
-  return file ? file->bytes() : generated_bytes;
+  if (const auto* pair = std::get_if<DensePair>(&shape)) return pair->bytes();
+  if (const auto* file = std::get_if<FileShape>(&shape)) return file->bytes();
+  return generated_bytes;
 }
 
 }  // namespace

@@ -7,12 +7,13 @@
 #include <unordered_map>
 #include <variant>
 
+#include "data/dense_pair.hpp"
 #include "data/file_shape.hpp"
 #include "generate/shape.hpp"
 
 namespace bitr::data {
 
-using AnyShape = std::variant<std::unique_ptr<generate::Shape>, FileShape>;
+using AnyShape = std::variant<std::unique_ptr<generate::Shape>, DensePair, FileShape>;
 
 /// What came first stays: every shape is used as often, in one order after the other, in which the least
 /// recently used is likely to be the next. Calls may be made from several threads at once.

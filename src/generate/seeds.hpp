@@ -19,7 +19,7 @@ inline std::uint64_t mix(std::uint64_t a, std::uint64_t b) {
 }
 
 /// What a seed is drawn for.
-enum class Draw : std::uint64_t { shape, points, cut, poses, noise, recipe };
+enum class Draw : std::uint64_t { shape, points, cut, poses, noise, recipe, roughness };
 
 inline Random random_for(std::uint64_t seed, Draw draw) {
   return Random(mix(seed, static_cast<std::uint64_t>(draw)));

@@ -47,6 +47,8 @@ TEST(DataSet, SampleDependsOnItsPlaceAlone) {
   DataOptions options = small({{.kind = "aircraft", .shapes = 20},
                                {.kind = "vessels", .shapes = 20},
                                {.kind = "vessels", .shapes = 20, .protocol = Protocol::independent},
+                               {.kind = "vessels", .shapes = 20, .pool = 80},
+                               {.kind = "aircraft", .shapes = 20, .pool = 80, .protocol = Protocol::opposed},
                                {.kind = "copy", .shapes = 3},
                                {.folder = folder.path(), .protocol = Protocol::complement}});
   options.noise = 0.01;
@@ -55,7 +57,7 @@ TEST(DataSet, SampleDependsOnItsPlaceAlone) {
   options.cache_bytes = 0;
   const DataSet forgetful = DataSet::open(options).value();
   EXPECT_EQ(data.fingerprint(), again.fingerprint());
-  EXPECT_EQ(data.samples(), 68u);
+  EXPECT_EQ(data.samples(), 108u);
   std::vector<DataSample> forwards;
   for (std::size_t i = 0; i < data.samples(); ++i) forwards.push_back(data.sample(1, i).value());
   for (std::size_t i = data.samples(); i-- > 0;) {
@@ -76,6 +78,40 @@ TEST(DataSet, TruthJoinsTheClouds) {
     for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(at[axis], sample.reference.positions[i][axis], 1e-12);
   }
   EXPECT_EQ(sample.overlap, 1);
+}
+
+TEST(DataSet, PoolIsDrawnOnceAndSamplesTakeSomeOfIt) {
+  const auto in_object = [](const DataSample& sample) {
+    std::set<std::array<long, 3>> places;  // to 1e-5
+    const Pose back = sample.T_source_object.inverse();
+    for (const Vec3d& point : sample.source.positions) {
+      const Vec3d at = back.apply(point);
+      places.insert({std::lround(at[0] * 1e5), std::lround(at[1] * 1e5), std::lround(at[2] * 1e5)});
+    }
+    return places;
+  };
+  for (const char* kind : {"aircraft", "vessels"}) {
+    SCOPED_TRACE(kind);
+    DataOptions options = small({{.kind = kind, .shapes = 1, .pool = 100, .breaks = 2, .share_high = 1}});
+    options.parts[0].share_low = 1;
+    const DataSet data = DataSet::open(options).value();
+    const bool broken = options.parts[0].kind == "vessels";
+    std::map<std::uint64_t, std::set<std::array<long, 3>>> drawn;  // by version
+    for (std::uint64_t epoch = 0; epoch < 30; ++epoch) {
+      const DataSample sample = data.sample(epoch, 0).value();
+      EXPECT_EQ(sample.source.size(), 64u);
+      EXPECT_EQ(sample.source.normals.size(), 64u);
+      EXPECT_EQ(in_object(sample).size(), 64u);
+      drawn[broken ? epoch % 2 : 0].merge(in_object(sample));
+    }
+    EXPECT_EQ(drawn.size(), broken ? 2u : 1u);
+    for (const auto& [version, places] : drawn) {
+      EXPECT_GT(places.size(), 95u);
+      EXPECT_LE(places.size(), 110u);  // a place may round either way
+    }
+    options.parts[0].pool = 10;
+    EXPECT_THAT(DataSet::open(options).error().message, HasSubstr("pool is 10, neither 0 nor in 64"));
+  }
 }
 
 TEST(DataSet, EveryShapeIsUsedOnceBeforeAnyIsUsedAgain) {
@@ -358,6 +394,8 @@ TEST(DataSet, GivesHundredsOfSamplesASecond) {
   };
   for (const Case& c : {Case{"aircraft", {.kind = "aircraft", .shapes = 300}, 1463},
                         {"vessels", {.kind = "vessels", .shapes = 300}, 1024},
+                        {"pooled aircraft", {.kind = "aircraft", .shapes = 100, .pool = 4096}, 1463},
+                        {"pooled vessels", {.kind = "vessels", .shapes = 100, .pool = 4096}, 1024},
                         {"fragments", {.kind = "fragments", .shapes = 60}, 1024},
                         {"meshes", {.folder = folder.path()}, 1463}}) {
     DataOptions options;
