@@ -25,6 +25,7 @@ Command add_model_convert(CLI::App& model);
 Command add_bench(CLI::App& root);
 Command add_devices(CLI::App& root);
 Command add_doctor(CLI::App& root);
+Command add_train(CLI::App& root);
 Command add_eval(CLI::App& root);
 
 }  // namespace bitr::tool

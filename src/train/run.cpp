@@ -87,11 +87,9 @@ class Window {
 class Run {
  public:
   Run(const Device& device, const TrainOptions& options, const TrainFiles& files, Trainer& trainer)
-      : options_(options),
-        files_(files),
-        trainer_(trainer),
-        metrics_(files.metrics(), static_cast<std::size_t>(trainer.state().step)) {
+      : options_(options), files_(files), trainer_(trainer), saved_step_(trainer.state().step) {
     if (options.validation.every > 0) validator_.emplace(device, options);
+    metrics_.emplace(files.metrics(), static_cast<std::size_t>(trainer.state().step));
   }
 
   TrainEnd go(const TrainCallbacks& callbacks, Clock::time_point begin) {
@@ -103,7 +101,7 @@ class Run {
         return TrainEnd::early;
       const StepReport report = trainer_.step();
       window_.add(report);
-      if (state.step % options_.log_every == 0) window_.write_to(metrics_, trainer_, report);
+      if (state.step % options_.log_every == 0) window_.write_to(*metrics_, trainer_, report);
       const auto validation = validate_if_due();
       if (validation || checkpoint_due()) save();
 
@@ -173,8 +171,8 @@ class Run {
       state.validations_since_best = 0;
       write(files_.model, serialize_model(result));
     }
-    metrics_.add(result, {{"seconds", state.seconds}});
-    const std::string picture = curves_svg(metrics_.history(), files_.model.stem().string());
+    metrics_->add(result, {{"seconds", state.seconds}});
+    const std::string picture = curves_svg(metrics_->history(), files_.model.stem().string());
     write(files_.curves(), std::as_bytes(std::span(picture)));
     return result;
   }
@@ -217,11 +215,11 @@ class Run {
   const TrainOptions& options_;
   const TrainFiles& files_;
   Trainer& trainer_;
-  Metrics metrics_;
+  std::optional<Metrics> metrics_;
   std::optional<Validator> validator_;
   Window window_;
   Clock::time_point saved_ = Clock::now();
-  std::uint64_t saved_step_ = 0, measured_ = 0;
+  std::uint64_t saved_step_, measured_ = 0;
   double step_seconds_ = 0;
 };
 

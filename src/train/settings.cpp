@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bitr/train.hpp>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -123,7 +124,8 @@ class Writer {
   void section(const char* key, Body body) {
     Json outer = std::exchange(json, Json::object());
     body();
-    outer[key] = std::exchange(json, std::move(outer));
+    outer[key] = std::move(json);
+    json = std::move(outer);
   }
   void list(const char* key, std::vector<DataPart>& parts) {
     Json all = Json::array();
@@ -136,7 +138,11 @@ class Writer {
   }
 };
 
-std::string shortest(double value) { return Json(value).dump(); }
+std::string shortest(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", value);
+  return text;
+}
 
 class Reader {
  public:
@@ -205,7 +211,7 @@ class Reader {
     if (!found->is_object()) wrong(key, *found, "must be an object");
     Json whole = Json::parse(model::to_json(config));
     for (const auto& [name, value] : found->items()) {
-      if (!whole.contains(name)) unknown(std::string(key) + "." + name);
+      if (!whole.contains(name)) unknown(std::string(key) + "." + name, names_of(whole));
       whole[name] = value;
     }
     const auto read = model::config_from_json(whole.dump(), "");
@@ -259,7 +265,7 @@ class Reader {
 
   void leave() {
     for (const auto& [key, value] : levels_.back().json->items())
-      if (!levels_.back().known.contains(key)) unknown(key);
+      if (!levels_.back().known.contains(key)) unknown(key, levels_.back().known);
     levels_.pop_back();
   }
 
@@ -291,10 +297,16 @@ class Reader {
     refuse(label(key) + ": " + path_of(key) + " is " + text + ", " + rule);
   }
 
-  [[noreturn]] void unknown(const std::string& key) const {
-    std::string known;
-    for (const std::string& name : levels_.back().known) known += (known.empty() ? "" : ", ") + name;
-    refuse(label(key) + ": " + path_of(key) + " is no setting; there are " + known);
+  [[noreturn]] void unknown(const std::string& key, const std::set<std::string>& names) const {
+    std::string all;
+    for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+    refuse(label(key) + ": " + path_of(key) + " is no setting; there are " + all);
+  }
+
+  static std::set<std::string> names_of(const Json& object) {
+    std::set<std::string> names;
+    for (const auto& [name, value] : object.items()) names.insert(name);
+    return names;
   }
 
   double number_in(const char* key, const Json& value, double low, double high) const {
