@@ -21,8 +21,9 @@ struct Options {
   std::string kind, folder, json, csv;
   std::optional<Protocol> protocol;
   std::vector<double> shares;
+  std::vector<std::uint64_t> points;
   Split split = Split::test;
-  std::uint64_t shapes = 10'000, points = 1024, samples = 200, seed = 0, batch = 8;
+  std::uint64_t shapes = 10'000, samples = 200, seed = 0, batch = 8;
   double noise = 0.01;
   bool same_points = false;
   std::optional<double> keep;
@@ -33,6 +34,7 @@ struct Setting {
   std::string protocol;
   std::optional<double> share;
   double keep;
+  std::uint64_t points = 0;
 };
 
 std::string_view split_name(Split split) {
@@ -51,36 +53,45 @@ std::string_view split_name(Split split) {
 
 tl::unexpected<Error> wrong(const std::string& message) { return fail(ErrorCode::invalid_argument, message); }
 
-/// What ICP keeps unless it is told: the share of a cloud that surely has a counterpart, or half by chance,
-/// and where clouds only meet the few points at the seam.
-double usual_keep(std::optional<Protocol> protocol, double share) {
-  constexpr double seam = 0.2;
+/// Of a cloud's points, where clouds only meet.
+constexpr double seam = 0.2;
+
+/// What ICP keeps unless it is told: the share of a cloud that surely has a counterpart, or half by chance.
+double usual_keep(Protocol protocol, double share) {
   if (protocol == Protocol::opposed) return std::max(seam, (2 * share - 1) / share);
   return protocol == Protocol::independent ? 0.5 : seam;
 }
 
-/// Kinds that are cropped anyway and files get the protocol they have without one.
-Result<std::vector<Setting>> choose_settings(Options& options) {
+/// The kind's own way to make pairs; files are cropped.
+Result<generate::Way> way_of(const Options& options) {
   if (options.kind.empty() == options.folder.empty())
     return wrong(options.kind.empty() ? "eval: nothing to evaluate on; give --kind or --data"
                                       : "--kind and --data: give one of them");
-  generate::Way way = generate::Way::cropped;
-  if (!options.kind.empty()) {
-    const auto kind = generate::kind_named(options.kind);
-    if (!kind) return tl::unexpected(kind.error());
-    way = (*kind)->way;
-  }
-  if (!options.protocol && way == generate::Way::cropped) options.protocol = Protocol::opposed;
-  if (!options.protocol) {
-    if (!options.shares.empty()) return wrong("--share needs a --protocol");
-    const bool copied = way == generate::Way::copied;
-    return std::vector<Setting>{{copied ? "copy" : "break", {}, options.keep.value_or(copied ? 0.8 : 0.2)}};
-  }
+  if (options.kind.empty()) return generate::Way::cropped;
+  const auto kind = generate::kind_named(options.kind);
+  if (!kind) return tl::unexpected(kind.error());
+  return (*kind)->way;
+}
+
+/// Every share at every number of points. Fills in what was not given.
+Result<std::vector<Setting>> choose_settings(Options& options) {
+  const auto way = way_of(options);
+  if (!way) return tl::unexpected(way.error());
+  if (!options.protocol && *way == generate::Way::cropped) options.protocol = Protocol::opposed;
+  if (!options.protocol && !options.shares.empty()) return wrong("--share needs a --protocol");
   if (options.shares.empty()) options.shares = {0.7};
+  if (options.points.empty()) options.points = {1024};
   std::vector<Setting> settings;
-  for (const double share : options.shares)
-    settings.push_back({std::string(name(*options.protocol)), share,
-                        options.keep.value_or(usual_keep(options.protocol, share))});
+  for (const std::uint64_t points : options.points) {
+    if (!options.protocol) {
+      const bool copied = *way == generate::Way::copied;
+      settings.push_back({copied ? "copy" : "break", {}, options.keep.value_or(copied ? 0.8 : seam), points});
+      continue;
+    }
+    for (const double share : options.shares)
+      settings.push_back({std::string(name(*options.protocol)), share,
+                          options.keep.value_or(usual_keep(*options.protocol, share)), points});
+  }
   return settings;
 }
 
@@ -90,6 +101,10 @@ Result<void> check_options(const Options& options) {
   for (const double share : options.shares)
     if (!(share > 0 && share <= 1))
       return wrong("--share " + Json(share).dump() + ": is not above 0 and up to 1");
+  for (const std::uint64_t points : options.points)
+    if (points < 2 || points > max_generated_points)
+      return wrong("--points " + std::to_string(points) + ": is not in 2 … " +
+                   std::to_string(max_generated_points));
   if (auto checked = check_output("--json", options.json, options.methods.models); !checked) return checked;
   if (auto checked = check_output("--csv", options.csv, options.methods.models); !checked) return checked;
   if (options.csv == "-") return wrong("--csv -: a table of pairs needs a file");
@@ -108,7 +123,7 @@ Result<DataSet> open_data(const Options& options, const Setting& setting, bool n
   if (setting.share) part.share_low = part.share_high = *setting.share;
   data.parts = {part};
   data.split = options.split;
-  data.points_low = data.points_high = options.points;
+  data.points_low = data.points_high = setting.points;
   data.noise = options.noise;
   data.normals = normals;
   data.same_points = options.same_points;
@@ -141,6 +156,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
                              std::vector<Method>& methods, const Device& device) {
   EvalSetting result{.protocol = setting.protocol,
                      .share = setting.share,
+                     .points = setting.points,
                      .keep = setting.keep,
                      .by_overlap = options.protocol == Protocol::independent,
                      .methods = {}};
@@ -162,8 +178,9 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
       if (method.plain) record(result.methods[row++], *batch, *poses, first);
       if (method.refined) record(result.methods[row++], *batch, refined(*poses, *batch, how), first);
     }
-    show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ": " +
-                  std::to_string(first + batch->size()) + " of " + std::to_string(options.samples));
+    show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ", " +
+                  std::to_string(setting.points) + " points: " + std::to_string(first + batch->size()) +
+                  " of " + std::to_string(options.samples));
   }
   return result;
 }
@@ -181,7 +198,6 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
   return {{options.kind.empty() ? "data" : "kind", options.kind.empty() ? options.folder : options.kind},
           {"split", split_name(options.split)},
           {"shapes", shapes},
-          {"points", options.points},
           {"noise", options.noise},
           {"same_points", options.same_points},
           {"samples", options.samples},
@@ -194,9 +210,9 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
 std::string describe(const Options& options, std::size_t shapes) {
   return (options.kind.empty() ? options.folder : options.kind) + ", " +
          std::string(split_name(options.split)) + " split of " + std::to_string(shapes) +
-         (shapes == 1 ? " shape, " : " shapes, ") + std::to_string(options.points) +
-         (options.protocol ? " points before the crop, " : " points a cloud, ") + "noise " +
-         Json(options.noise).dump() + ", seed " + std::to_string(options.seed);
+         (shapes == 1 ? " shape" : " shapes") + ", noise " + Json(options.noise).dump() + ", seed " +
+         std::to_string(options.seed) + (options.same_points ? ", the same points in both clouds" : "") +
+         (options.protocol ? "; points are counted before the crop" : "");
 }
 
 int run(Options& options) {
@@ -266,6 +282,7 @@ Command add_eval(CLI::App& root) {
                   "Controls: " + std::string(control_names) +
                       ", each also with +icp; all of them when no model is given")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->type_name("NAME,…");
   app->add_flag("--icp", options->methods.icp, "Also a row of every model followed by trimmed ICP");
   app->add_option("--keep", options->keep,
@@ -283,17 +300,24 @@ Command add_eval(CLI::App& root) {
                        "for files");
   app->add_option("--share", options->shares, "Shares S that a crop keeps, each evaluated on its own")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->type_name("S,…")
       ->default_str("0.7");
-  add_count(*app, "--points", options->points, 2, max_generated_points,
-            "Points of each cloud; of the whole object where it is cropped");
+  app->add_option(
+         "--points", options->points,
+         "Points of each cloud; of the whole object where it is cropped; each number is evaluated on "
+         "its own")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("N,…")
+      ->default_str("1024");
   app->add_option("--noise", options->noise,
                   "Standard deviation added to every coordinate, clipped at 5 times that")
       ->type_name("LENGTH")
       ->capture_default_str();
   app->add_flag("--same-points", options->same_points,
                 "Both crops take their points from one sample of the surface, not each from its own");
-  add_count(*app, "--samples", options->samples, 1, 1'000'000, "Pairs of every protocol and share");
+  add_count(*app, "--samples", options->samples, 1, 1'000'000, "Pairs of every share and number of points");
   add_choice<Split>(*app, "--split",
                     {{"test", Split::test},
                      {"validation", Split::validation},

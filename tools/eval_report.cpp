@@ -48,6 +48,7 @@ std::string text_of(double value) {
 std::string title(const Row& row) {
   std::string text = row.setting.protocol;
   if (row.setting.share) text += ", s = " + text_of(*row.setting.share);
+  text += ", " + std::to_string(row.setting.points) + " points";
   if (row.bin)
     text += ", overlap " + std::to_string(*row.bin * 20) + " … " + std::to_string(*row.bin * 20 + 20) + " %";
   return text + ": " + std::to_string(row.summary.pairs) + (row.summary.pairs == 1 ? " pair" : " pairs");
@@ -77,7 +78,8 @@ Json to_json(const Distribution& d) {
 Json to_json(const Row& row) {
   const ErrorSummary& s = row.summary;
   Json json = {{"protocol", row.setting.protocol},
-               {"share", row.setting.share ? Json(*row.setting.share) : Json(nullptr)}};
+               {"share", row.setting.share ? Json(*row.setting.share) : Json(nullptr)},
+               {"points", row.setting.points}};
   if (row.bin)
     json["overlap"] = {static_cast<double>(*row.bin) / bins, static_cast<double>(*row.bin + 1) / bins};
   else
@@ -140,7 +142,7 @@ Json to_json(const EvalReport& report) {
 }
 
 std::string to_csv(const EvalReport& report) {
-  std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,sample,failed\n";
+  std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed\n";
   for (const EvalSetting& setting : report.settings)
     for (const EvalMethod& method : setting.methods)
       for (const EvalPair& pair : method.pairs) {
@@ -148,8 +150,8 @@ std::string to_csv(const EvalReport& report) {
         csv += quoted(pair.shape) + ',' + setting.protocol + ',' +
                (setting.share ? text_of(*setting.share) : "") + ',' + text_of(pair.overlap) + ',' +
                text_of(e.rotation) + ',' + text_of(e.translation) + ',' + text_of(e.translation_fraction) +
-               ',' + quoted(method.name) + ',' + std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0") +
-               '\n';
+               ',' + quoted(method.name) + ',' + std::to_string(setting.points) + ',' +
+               std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0") + '\n';
       }
   return csv;
 }

@@ -28,6 +28,7 @@ struct EvalMethod {
 struct EvalSetting {
   std::string protocol;
   std::optional<double> share;  ///< of a crop
+  std::uint64_t points = 0;     ///< of a cloud, or of the object before the crop
   double keep = 0;              ///< of ICP
   bool by_overlap = false;      ///< also tell pairs apart by their true overlap
   std::vector<EvalMethod> methods;

@@ -60,6 +60,7 @@ void expect_agreement(const nlohmann::json& json, const std::vector<Line>& lines
     for (const Line& line : lines) {
       if (line.at("method") != row["method"] || line.at("protocol") != row["protocol"]) continue;
       if (!row["share"].is_null() && std::stod(line.at("share")) != row["share"]) continue;
+      if (std::stoull(line.at("points")) != row["points"]) continue;
       const double overlap = std::stod(line.at("overlap"));
       if (!row["overlap"].is_null() && !(row["overlap"][0] <= overlap && overlap < row["overlap"][1]))
         continue;
@@ -92,7 +93,7 @@ TEST(Eval, JsonIsWhatTheCsvAmountsTo) {
        "--methods", "identity,pca-icp", "--json",   json,      "--csv", csv});
   ASSERT_EQ(finished.status, 0) << finished.err;
   EXPECT_EQ(finished.err, "");
-  EXPECT_THAT(finished.out, HasSubstr("opposed, s = 0.7: 11 pairs"));
+  EXPECT_THAT(finished.out, HasSubstr("opposed, s = 0.7, 300 points: 11 pairs"));
   EXPECT_THAT(finished.out, HasSubstr("pca-icp"));
   const auto result = read_json(json);
   const std::vector<Line> lines = read_csv(csv);
@@ -137,7 +138,7 @@ TEST(Eval, SamePairsWhateverTheBatchAndTheThreads) {
     words.insert(words.end(), more.begin(), more.end());
     const Finished finished = run_command(words);
     EXPECT_EQ(finished.status, 0) << finished.err;
-    EXPECT_THAT(finished.out, HasSubstr("break: 5 pairs"));
+    EXPECT_THAT(finished.out, HasSubstr("break, 120 points: 5 pairs"));
     return read_text(folder.path(name));
   };
   const std::string one = evaluated("one", {"--batch", "1", "--threads", "1"});
@@ -152,26 +153,13 @@ TEST(Eval, ComparesModelsAndBinsByOverlap) {
     ASSERT_TRUE(io::write_file(place->path("net.safetensors"),
                                serialize(untrained_model({}, place == &models ? 1 : 2).value())));
   const std::string json = folder.path("errors.json"), csv = folder.path("pairs.csv");
-  const Finished finished = run_command({"eval",
-                                         models.path("net.safetensors"),
-                                         again.path("net.safetensors"),
-                                         "--icp",
-                                         "--kind",
-                                         "aircraft",
-                                         "--protocol",
-                                         "independent",
-                                         "--share",
-                                         "0.5",
-                                         "--points",
-                                         "100",
-                                         "--samples",
-                                         "6",
-                                         "--backend",
-                                         "cpu",
-                                         "--json",
-                                         json,
-                                         "--csv",
-                                         csv});
+  // A list does not swallow what follows it.
+  const Finished finished =
+      run_command(split("eval " + models.path("net.safetensors") +
+                            " --icp --kind aircraft --protocol independent "
+                            "--samples 6 --backend cpu --share 0.5 --points 100,150 " +
+                            again.path("net.safetensors") + " --json " + json + " --csv " + csv,
+                        ' '));
   ASSERT_EQ(finished.status, 0) << finished.err;
   const auto result = read_json(json);
   EXPECT_THAT(result["models"].size(), 2u);
@@ -185,7 +173,7 @@ TEST(Eval, ComparesModelsAndBinsByOverlap) {
   EXPECT_EQ(methods, (std::set<std::string>{models.path("net.safetensors"), again.path("net.safetensors"),
                                             models.path("net.safetensors") + "+icp",
                                             again.path("net.safetensors") + "+icp"}));
-  EXPECT_EQ(binned, 6u);
+  EXPECT_EQ(binned, 12u);
   expect_agreement(result, read_csv(csv));
 }
 
@@ -196,7 +184,7 @@ TEST(Eval, FoldersOfShapesAndWhatIsSkipped) {
   const Finished finished = run_command({"eval", "--data", shapes.path(), "--split", "all", "--points", "100",
                                          "--samples", "6", "--methods", "identity", "--json", "-"});
   ASSERT_EQ(finished.status, 0) << finished.err;
-  EXPECT_THAT(finished.err, HasSubstr("opposed, s = 0.7: 6 pairs"));
+  EXPECT_THAT(finished.err, HasSubstr("opposed, s = 0.7, 100 points: 6 pairs"));
   EXPECT_THAT(finished.err, HasSubstr("1 shape was skipped; broken.ply"));
   const auto result = nlohmann::json::parse(finished.out);
   EXPECT_EQ(result["data"], shapes.path());
