@@ -288,7 +288,7 @@ class PairGradientRow : private PairRow<T, Width> {
 };
 
 // Pairs are shared out among at most this many tasks, whatever the number of threads.
-constexpr std::size_t most_tasks = 8;
+constexpr std::size_t most_tasks = 4;
 
 template <class T>
 class PairAttentionGradientKernel : public Kernel<T> {

@@ -5,6 +5,26 @@
 #include <type_traits>
 
 namespace bitr::cpu {
+namespace {
+
+// Calls work(i, lanes) for blocks of eight numbers, and one by one for the rest. Eigen's own loops over
+// short, unaligned columns would go one by one throughout.
+template <class T, class Work>
+void for_blocks(int size, Work work) {
+  int i = 0;
+  for (; i + lane_count <= size; i += lane_count) work(i, std::type_identity<Lanes<T>>{});
+  for (; i < size; ++i) work(i, std::type_identity<Eigen::Array<T, 1, 1>>{});
+}
+
+template <class Block, class T>
+auto block(T* numbers, int i) {
+  if constexpr (std::is_const_v<T>)
+    return Eigen::Map<const Block>(numbers + i);
+  else
+    return Eigen::Map<Block>(numbers + i);
+}
+
+}  // namespace
 
 template <class T>
 Sectors<T>::Sectors(const ops::SectorTable& table)
@@ -45,23 +65,30 @@ std::size_t Sectors<T>::find(T r1, T r2) const {
 template <class T>
 void Sectors<T>::add(T r1, T r2, T* coefficients) const {
   if (swapped_) std::swap(r1, r2);
-  Eigen::Map<Column> to(coefficients + begin_, size_);
+  T* to = coefficients + begin_;
   if (scale_degree_ == 1) {
-    const std::size_t s = find(r1, r2);
-    to += r1 * slopes_.col(2 * s) + r2 * slopes_.col(2 * s + 1);
+    const T* slope = slopes_.data() + 2 * find(r1, r2) * static_cast<std::size_t>(size_);
+    for_blocks<T>(size_, [&]<class Block>(int i, std::type_identity<Block>) {
+      block<Block>(to, i) += r1 * block<Block>(slope, i) + r2 * block<Block>(slope + size_, i);
+    });
     return;
   }
   const T variance = q_[0] * r1 * r1 + q_[1] * r1 * r2 + q_[2] * r2 * r2;
-  if (!(variance > trusted_)) return add_network(r1, r2, to.data());
+  if (!(variance > trusted_)) return add_network(r1, r2, to);
   const std::size_t s = find(r1, r2);
   const T scale = 1 / std::sqrt(variance + eps_);
   const T x = r1 * scale, y = r2 * scale;
   const auto& Q = Q_[s];
   const T second = Q[0] * x * x + Q[1] * x * y + Q[2] * y * y + Q[3] * x + Q[4] * y + Q[5];
-  if (!(second > trusted_)) return add_network(r1, r2, to.data());
+  if (!(second > trusted_)) return add_network(r1, r2, to);
   const T v = 1 / std::sqrt(second + eps_);
-  to += (x * v) * slopes_.col(3 * s) + (y * v) * slopes_.col(3 * s + 1) + v * slopes_.col(3 * s + 2) +
-        offsets_.col(s);
+  const T xv = x * v, yv = y * v;
+  const T* slope = slopes_.data() + 3 * s * static_cast<std::size_t>(size_);
+  const T* offset = offsets_.data() + s * static_cast<std::size_t>(size_);
+  for_blocks<T>(size_, [&]<class Block>(int i, std::type_identity<Block>) {
+    block<Block>(to, i) += xv * block<Block>(slope, i) + yv * block<Block>(slope + size_, i) +
+                           v * block<Block>(slope + 2 * size_, i) + block<Block>(offset, i);
+  });
 }
 
 template <class T>
@@ -71,15 +98,29 @@ void Sectors<T>::add_gradient(T r1, T r2, const T* coefficients, T* table, T& d_
     std::swap(r1, r2);
     std::swap(d_first, d_second);
   }
-  const Eigen::Map<const Column> d(coefficients + begin_, size_);
-  const auto add_column = [&](T* to, T factor) { Eigen::Map<Column>(to, size_) += factor * d; };
+  const T* d = coefficients + begin_;
+  const std::size_t size = static_cast<std::size_t>(size_);
+  // Adds factor · d to column `column` of `to`, and returns ⟨d, that column of `of`⟩.
+  const auto column = [&](T* to, const T* of, std::size_t at, T factor) {
+    Lanes<T> lanes = Lanes<T>::Zero();
+    T rest = 0;
+    for_blocks<T>(size_, [&]<class Block>(int i, std::type_identity<Block>) {
+      const Block d_i = block<Block>(d, i);
+      block<Block>(to + at * size, i) += factor * d_i;
+      const Block product = d_i * block<Block>(of + at * size, i);
+      if constexpr (std::is_same_v<Block, Lanes<T>>)
+        lanes += product;
+      else
+        rest += product[0];
+    });
+    return lanes.sum() + rest;
+  };
   if (scale_degree_ == 1) {
     const std::size_t s = find(r1, r2);
-    T* slope = table + s * 2 * static_cast<std::size_t>(size_);
-    add_column(slope, r1);
-    add_column(slope + size_, r2);
-    *d_first += (d * slopes_.col(2 * s)).sum();
-    *d_second += (d * slopes_.col(2 * s + 1)).sum();
+    T* to = table + s * 2 * size;
+    const T* of = slopes_.data() + s * 2 * size;
+    *d_first += column(to, of, 0, r1);
+    *d_second += column(to, of, 1, r2);
     return;
   }
   const T variance = q_[0] * r1 * r1 + q_[1] * r1 * r2 + q_[2] * r2 * r2;
@@ -92,16 +133,15 @@ void Sectors<T>::add_gradient(T r1, T r2, const T* coefficients, T* table, T& d_
   if (!(second > trusted_)) return;
   const T v = 1 / std::sqrt(second + eps_);
 
-  const std::size_t size = static_cast<std::size_t>(size_), sector = 4 * size + Q.size();
-  T* slope = table + s * sector;
-  add_column(slope, x * v);
-  add_column(slope + size, y * v);
-  add_column(slope + 2 * size, v);
-  add_column(slope + 3 * size, 1);
-  const T b0 = (d * slopes_.col(3 * s)).sum(), b1 = (d * slopes_.col(3 * s + 1)).sum(),
-          b2 = (d * slopes_.col(3 * s + 2)).sum();
+  const std::size_t sector = 4 * size + Q.size();
+  T* to = table + s * sector;
+  const T* of = slopes_.data() + 3 * s * size;
+  const T b0 = column(to, of, 0, x * v), b1 = column(to, of, 1, y * v), b2 = column(to, of, 2, v);
+  for_blocks<T>(size_, [&]<class Block>(int i, std::type_identity<Block>) {
+    block<Block>(to + 3 * size, i) += block<Block>(d, i);
+  });
   const T d_form = static_cast<T>(-0.5) * v * v * v * (x * b0 + y * b1 + b2);
-  T* d_Q = slope + 4 * size;
+  T* d_Q = to + 4 * size;
   const T monomials[6] = {x * x, x * y, y * y, x, y, 1};
   for (int i = 0; i < 6; ++i) d_Q[i] += d_form * monomials[i];
   const T d_x = v * b0 + d_form * (2 * Q[0] * x + Q[1] * y + Q[3]),

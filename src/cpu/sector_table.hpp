@@ -18,7 +18,6 @@ class Sectors {
   void add_gradient(T r1, T r2, const T* coefficients, T* table, T& d_r1, T& d_r2) const;
 
  private:
-  using Column = Eigen::Array<T, Eigen::Dynamic, 1>;
   std::size_t find(T r1, T r2) const;
   void add_network(T r1, T r2, T* to) const;
 

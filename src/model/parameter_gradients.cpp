@@ -20,11 +20,7 @@ class Collector {
 
   auto adding() {
     return [this](const std::string& name, const auto& matrix) {
-      auto& sum = gradients[name];
-      if (sum.size() == 0)
-        sum = matrix;
-      else
-        sum += matrix;
+      gradients.at(name) += matrix;
     };
   }
 
@@ -127,6 +123,9 @@ Gradients parameter_gradients(const Weights& weights, const Graph& whole, const 
     for (const ReluSpec& spec : *list) relus[spec.stage] = &spec;
 
   Collector collect(made, constants);
+  // The official state dict holds some that nothing reads.
+  for (const auto& [name, value] : weights.parameters)
+    collect.gradients[name] = Eigen::MatrixXd::Zero(value.rows(), value.cols());
   for (std::size_t i = 0; i < whole.nodes.size(); ++i) {
     const Node& node = whole.nodes[i];
     if (const auto* layer = std::get_if<ops::AttentionLayer>(&node.op)) {
