@@ -15,9 +15,8 @@ namespace {
 using generate::Draw;
 using generate::mix;
 
-// A larger mesh is kept as many points instead: they take less memory, and areas need not be added up every
-// time.
-constexpr std::size_t most_triangles = 20'000;
+// A larger mesh is kept as many points instead, so that areas need not be added up every time.
+constexpr std::size_t most_triangles = 5'000;
 constexpr std::size_t pool_per_point = 16;
 
 /// Moves the middle of the box around them to the origin and the furthest point to solid_radius; false when
