@@ -23,30 +23,7 @@ layout(constant_id = 4) const uint OUT = 32;
 layout(constant_id = 5) const uint HEADS = 2;
 
 const uint WORKGROUP = gl_WorkGroupSize.x;
-const uint EXTRA = 2 * GLOBALS + 2 * C0;
-const uint Z = C0 + EXTRA + 1;
-const uint PATHS = C0 + 2 * C1;
-const uint M4 = (C0 + 3 * C1 + 3) / 4 * 4;
-const uint G4 = (GLOBALS + 3) / 4 * 4;
-
-// Rows of the weights.
-const uint ZERO_KEYS = HEADS * PATHS;
-const uint SKIP = ZERO_KEYS + HEADS * Z;
-const uint ZERO_VALUES = SKIP + OUT;
-const uint ROWS = ZERO_VALUES + OUT * HEADS;
-const uint VALUES = ROWS * Z;
-
-// Of the layer with per-cloud coefficients.
-const uint FROM = C0 + 1;
-const uint OWN = C0 + C1;
-const uint LAYER_PATHS = OWN + 3;
-const uint M0 = 0;
-const uint O0 = M0 + HEADS * LAYER_PATHS * FROM;
-const uint S0 = O0 + OUT * HEADS * LAYER_PATHS;
-const uint MZ0 = S0 + OUT * FROM;
-const uint OZ0 = MZ0 + HEADS * FROM * FROM;
-const uint N = OZ0 + OUT * HEADS * FROM;
-const uint N4 = (N + 3) / 4 * 4;
+#include "common/cloud_layer.glsl"
 
 layout(set = 0, binding = 0) readonly buffer Means { float means[]; };
 layout(set = 0, binding = 1) readonly buffer Globals { float globals[]; };

@@ -89,4 +89,21 @@ struct OuterTotalParameters {
   uint first_segment;
 };
 
+// Kernels with a work group per cloud or pair that reads its key points.
+struct KeyParameters {
+  uint first;  // the first work group's
+  uint pairs;  // in the batch
+  uint keys;   // key points of a cloud
+};
+
+// Kernels that take the numbers of a tensor one by one.
+struct ItemParameters {
+  uint items;
+};
+
+struct RowSumParameters {
+  uint rows;
+  uint vectors;  // vec4s of a row
+};
+
 #endif

@@ -1,7 +1,8 @@
-#include "cloud_coefficients.spv.hpp"
+#include "vk/cloud_coefficients.hpp"
 
 #include <algorithm>
 
+#include "cloud_coefficients.spv.hpp"
 #include "core/failure.hpp"
 #include "vk/kernel.hpp"
 
@@ -21,33 +22,10 @@ class CloudCoefficientsKernel : public Kernel {
  public:
   CloudCoefficientsKernel(const Site& site, const ops::CloudCoefficients& op)
       : capabilities_(site.context.capabilities()) {
-    const ops::PointAttention &full = op.full, &layer = op.layer;
-    const int c0 = layer.c0, c1 = layer.c1, heads = layer.heads, extra = full.c0 - c0;
-    const int n = full.n0(), z = full.c0 + 1;
-    if (extra != 2 * (site.in[1].width + c0) || full.c1 != 2 * c1 || full.direction || layer.m0 == 0)
-      throw Failure(ErrorCode::internal, "cloud_coefficients: not the features that a cloud is extended by");
-    require(extra, c1, heads * (c0 + 2 * c1 + z) + layer.m0 * (1 + heads), layer);
-
-    // Paths that are 1 on every edge of positive length are part of the skip connection; edges of length
-    // zero carry the difference. All of that is linear, so it is done here.
-    for (int h = 0; h < heads; ++h) {
-      add_constants(full.M0.middleRows(h * n, c0));
-      add_constants(full.M0.middleRows(h * n + full.c0, 2 * c1));
-    }
-    MatrixXd zero_keys = full.Mz0, zero_values = full.Oz0, skip = full.S0;
-    for (int h = 0; h < heads; ++h) {
-      zero_keys.middleRows(h * z + c0, extra) -= full.M0.middleRows(h * n + c0, extra);
-      zero_values.middleCols(h * z + c0, extra) -= full.O0.middleCols(h * n + c0, extra);
-      skip.middleCols(c0, extra) += full.O0.middleCols(h * n + c0, extra);
-    }
-    add_constants(zero_keys);
-    add_constants(skip);
-    add_constants(zero_values);
-    MatrixXd values(layer.m0, heads * (c0 + 2 * c1));
-    for (int h = 0; h < heads; ++h)
-      values.middleCols(h * (c0 + 2 * c1), c0 + 2 * c1) << full.O0.middleCols(h * n, c0),
-          full.O0.middleCols(h * n + full.c0, 2 * c1);
-    add_constants(values);
+    const ops::PointAttention& layer = op.layer;
+    const int c0 = layer.c0, c1 = layer.c1, heads = layer.heads, extra = op.full.c0 - c0;
+    for (const MatrixXd& matrix : cloud_layer_weights(op, site.in[1].width)) add_constants(matrix);
+    require(extra, c1, heads * (c0 + 2 * c1 + op.full.c0 + 1) + layer.m0 * (1 + heads), layer);
 
     const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     pipeline_ =
@@ -91,6 +69,30 @@ class CloudCoefficientsKernel : public Kernel {
 };
 
 }  // namespace
+
+std::vector<MatrixXd> cloud_layer_weights(const ops::CloudCoefficients& op, int globals) {
+  const ops::PointAttention &full = op.full, &layer = op.layer;
+  const int c0 = layer.c0, c1 = layer.c1, heads = layer.heads, extra = full.c0 - c0;
+  const int n = full.n0(), z = full.c0 + 1;
+  if (extra != 2 * (globals + c0) || full.c1 != 2 * c1 || full.direction || layer.m0 == 0)
+    throw Failure(ErrorCode::internal, "cloud_coefficients: not the features that a cloud is extended by");
+
+  // Paths that are 1 on every edge of positive length are part of the skip connection; edges of length
+  // zero carry the difference. All of that is linear, so it is done here.
+  MatrixXd keys(heads * (c0 + 2 * c1), z), values(layer.m0, heads * (c0 + 2 * c1));
+  MatrixXd zero_keys = full.Mz0, zero_values = full.Oz0, skip = full.S0;
+  for (int h = 0; h < heads; ++h) {
+    const int at = h * (c0 + 2 * c1);
+    keys.middleRows(at, c0) = full.M0.middleRows(h * n, c0);
+    keys.middleRows(at + c0, 2 * c1) = full.M0.middleRows(h * n + full.c0, 2 * c1);
+    values.middleCols(at, c0) = full.O0.middleCols(h * n, c0);
+    values.middleCols(at + c0, 2 * c1) = full.O0.middleCols(h * n + full.c0, 2 * c1);
+    zero_keys.middleRows(h * z + c0, extra) -= full.M0.middleRows(h * n + c0, extra);
+    zero_values.middleCols(h * z + c0, extra) -= full.O0.middleCols(h * n + c0, extra);
+    skip.middleCols(c0, extra) += full.O0.middleCols(h * n + c0, extra);
+  }
+  return {keys, zero_keys, skip, zero_values, values};
+}
 
 KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op) {
   return std::make_unique<CloudCoefficientsKernel>(site, op);

@@ -48,18 +48,44 @@ graph::BatchLayout Capacity::layout() const {
 Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
                    const graph::BatchLayout& largest, const ExecutorOptions& options)
     : context_(std::move(context)),
-      graph_(std::move(graph)),
-      own_tensors_(graph_.tensors.size()),
       largest_(gathered(largest)),
       options_(options),
       schedule_(context_->capabilities().groups),
       host_schedule_(context_->capabilities().groups),
       recorder_(*context_),
       host_recorder_(*context_),
-      milliseconds_(graph_.nodes.size()),
-      starts_(graph_.nodes.size()),
-      timestamps_(*context_, graph_.nodes.size()),
+      milliseconds_(graph.nodes.size()),
+      starts_(graph.nodes.size()),
+      timestamps_(*context_, graph.nodes.size()),
       commands_(*context_) {
+  load(std::move(graph));
+  allocate(1);
+  upload_constants();
+  constant_staging_ = {};
+}
+
+void Executor::replace(graph::Graph graph) {
+  if (graph.nodes.size() != graph_.nodes.size() || graph.tensors.size() != own_tensors_)
+    throw Failure(ErrorCode::internal, "the graph to go on with has other operations");
+  load(std::move(graph));
+  const bool roomy = fits();
+  if (roomy)
+    place_constants();
+  else
+    allocate(1.25);  // they will change again
+  upload_constants();
+  if (!prepared_) return;
+  lay_out(layout_);
+  const std::vector<Work> before = std::move(schedule_.works());
+  make_schedule();
+  if (!roomy || schedule_.works() != before) record_all();
+}
+
+void Executor::load(graph::Graph graph) {
+  graph_ = std::move(graph);
+  own_tensors_ = graph_.tensors.size();
+  kernels_.clear();
+  scratch_.clear();
   for (graph::Node& node : graph_.nodes) {
     Site site{*context_, {}, {}, largest_};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
@@ -71,26 +97,22 @@ Executor::Executor(std::shared_ptr<const Context> context, graph::Graph graph,
     scratch_.push_back(graph_.add({.name = node.name + ".scratch", .rows = Rows::pair, .fiber = {}}));
     node.outputs.push_back(scratch_.back());
   }
-  allocate();
+}
 
-  // Constants never change: they go to the device now.
-  if (constant_buffer_.size() > 0) {
-    Buffer upload(*context_, constant_buffer_.size(), true);
-    for (std::size_t i = 0; i < kernels_.size(); ++i)
-      if (const auto& numbers = kernels_[i]->constants(); !numbers.empty())
-        std::memcpy(upload.data() + constants_[i].offset, numbers.data(),
-                    numbers.size() * sizeof(std::uint32_t));
-    commands_.copy({upload.handle(), 0, upload.size()}, {constant_buffer_.handle(), 0, upload.size()});
-  }
-  if (options_.guard_bytes > 0) {
-    Buffer pattern(*context_, arena_.size(), true);
-    std::fill_n(reinterpret_cast<std::uint32_t*>(pattern.data()), arena_.size() / sizeof(guard_pattern),
-                guard_pattern);
-    commands_.copy({pattern.handle(), 0, pattern.size()}, {arena_.handle(), 0, pattern.size()});
-  }
+void Executor::upload_constants() {
+  if (constant_buffer_.size() == 0) return;
+  if (constant_staging_.size() < constant_buffer_.size())
+    constant_staging_ = Buffer(*context_, constant_buffer_.size(), true);
+  for (std::size_t i = 0; i < kernels_.size(); ++i)
+    if (const auto& numbers = kernels_[i]->constants(); !numbers.empty())
+      std::memcpy(constant_staging_.data() + constants_[i].offset, numbers.data(),
+                  numbers.size() * sizeof(std::uint32_t));
+  const std::size_t bytes = constant_bytes();
+  commands_.copy({constant_staging_.handle(), 0, bytes}, {constant_buffer_.handle(), 0, bytes});
 }
 
 void Executor::find_inputs() {
+  inputs_.clear();
   std::set<TensorId> made, read;
   for (const graph::Node& node : graph_.nodes) {
     made.insert(node.outputs.begin(), node.outputs.end());
@@ -109,24 +131,52 @@ std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout
   return sizes;
 }
 
-void Executor::allocate() {
+bool Executor::fits() const {
+  const std::vector<std::size_t> sizes = tensor_bytes(largest_);
+  for (std::size_t i = 0; i < sizes.size(); ++i)
+    if (sizes[i] > 0 && sizes[i] + options_.guard_bytes > capacities_[i]) return false;
+  return constant_bytes() <= constant_buffer_.size();
+}
+
+std::size_t Executor::constant_bytes() const {
+  std::size_t bytes = 0;
+  for (const KernelPtr& kernel : kernels_)
+    bytes += aligned(kernel->constants().size() * sizeof(std::uint32_t), context_->capabilities().alignment);
+  return bytes;
+}
+
+void Executor::place_constants() {
+  constants_.clear();
+  std::size_t at = 0;
+  for (const KernelPtr& kernel : kernels_) {
+    const std::size_t bytes = kernel->constants().size() * sizeof(std::uint32_t);
+    constants_.push_back({constant_buffer_.handle(), at, bytes});
+    at += aligned(bytes, context_->capabilities().alignment);
+  }
+}
+
+// `slack`: more memory by this factor for what depends on the constants.
+void Executor::allocate(double slack) {
   const std::size_t alignment = context_->capabilities().alignment;
+  const auto generous = [slack](std::size_t bytes) {
+    return static_cast<std::size_t>(slack * static_cast<double>(bytes));
+  };
   std::vector<std::size_t> sizes = tensor_bytes(largest_);
-  for (std::size_t& size : sizes) size = size == 0 ? 0 : aligned(size + options_.guard_bytes, alignment);
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    if (i >= own_tensors_ || graph_.tensors[i].rows == Rows::one) sizes[i] = generous(sizes[i]);
+    if (sizes[i] > 0) sizes[i] = aligned(sizes[i] + options_.guard_bytes, alignment);
+  }
+  capacities_ = sizes;
   const graph::MemoryPlan plan =
       graph::plan_memory(graph_, sizes, options_.retain || options_.guard_bytes > 0);
   offsets_ = plan.offset;
   arena_ = Buffer(*context_, std::max<std::size_t>(plan.bytes, alignment), false);
 
-  std::size_t constant_bytes = 0;
-  for (const KernelPtr& kernel : kernels_) {
-    const std::size_t bytes = kernel->constants().size() * sizeof(std::uint32_t);
-    constants_.push_back({VK_NULL_HANDLE, constant_bytes, bytes});
-    constant_bytes += aligned(bytes, alignment);
-  }
-  if (constant_bytes > 0) constant_buffer_ = Buffer(*context_, constant_bytes, false);
-  for (Range& range : constants_) range.buffer = constant_buffer_.handle();
+  if (const std::size_t bytes = aligned(generous(constant_bytes()), alignment); bytes > 0)
+    constant_buffer_ = Buffer(*context_, bytes, false);
+  place_constants();
 
+  table_bytes_ = 0;
   for (Rows rows : table_rows)
     table_bytes_ += aligned(16 * largest_tile_count(largest_, rows), alignment) +
                     aligned(sizeof(std::uint32_t) * (largest_.segments(rows) + 1), alignment);
@@ -134,6 +184,7 @@ void Executor::allocate() {
   table_buffer_ = Buffer(*context_, table_bytes_ + centroid_bytes, false);
   centroids_ = {table_buffer_.handle(), table_bytes_, centroid_bytes};
 
+  input_offset_.clear();
   std::size_t staging = table_bytes_, readback = 0;
   for (TensorId id : inputs_) {
     input_offset_.push_back(staging);
@@ -142,10 +193,18 @@ void Executor::allocate() {
   for (TensorId id : outputs_) readback += aligned(sizes[id], alignment);
   staging_ = Buffer(*context_, staging, true);
   if (readback > 0) readback_ = Buffer(*context_, readback, true);
+
+  if (options_.guard_bytes > 0) {
+    Buffer pattern(*context_, arena_.size(), true);
+    std::fill_n(reinterpret_cast<std::uint32_t*>(pattern.data()), arena_.size() / sizeof(guard_pattern),
+                guard_pattern);
+    commands_.copy({pattern.handle(), 0, pattern.size()}, {arena_.handle(), 0, pattern.size()});
+  }
 }
 
 std::size_t Executor::workspace_bytes() const {
-  return arena_.size() + table_buffer_.size() + constant_buffer_.size() + staging_.size() + readback_.size();
+  return arena_.size() + table_buffer_.size() + constant_buffer_.size() + constant_staging_.size() +
+         staging_.size() + readback_.size();
 }
 
 void Executor::check_capacity(const graph::BatchLayout& layout) const {

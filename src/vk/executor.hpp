@@ -49,9 +49,14 @@ class Executor {
   std::vector<float> real(graph::TensorId id) const;
   std::vector<std::uint32_t> indices(graph::TensorId id) const;
 
+  /// Other constants for the same operations, as cpu::Executor has it: `graph` differs in nothing but them
+  /// and in how wide the tensors are that hold their gradients. They go to the device now; what the batch
+  /// that was last prepared needs anew, and no more, is made and recorded again.
+  void replace(graph::Graph graph);
+
   /// Records a whole pass over the host's buffers into the host's command buffer. The executor's memory is in
-  /// use until that has run; a later record() makes it invalid. Throws Failure (`unsupported`) for a graph
-  /// that reads more than positions.
+  /// use until that has run; a later record() or replace() makes it invalid. Throws Failure (`unsupported`)
+  /// for a graph that reads more than positions.
   void record(VkCommandBuffer commands, const graph::BatchLayout& layout, const HostBuffers& host);
 
   const graph::Graph& graph() const { return graph_; }
@@ -72,10 +77,15 @@ class Executor {
     VkCommandBuffer commands;
     std::size_t begin, end;  // works
   };
+  void load(graph::Graph graph);
   void find_inputs();
   void check_capacity(const graph::BatchLayout& layout) const;
   void lay_out(const graph::BatchLayout& layout);
-  void allocate();
+  void allocate(double slack);
+  bool fits() const;
+  std::size_t constant_bytes() const;
+  void place_constants();
+  void upload_constants();
   std::vector<std::size_t> tensor_bytes(const graph::BatchLayout& layout) const;
   void lay_out_tables();
   void make_schedule();
@@ -86,13 +96,14 @@ class Executor {
 
   std::shared_ptr<const Context> context_;
   graph::Graph graph_;
-  std::size_t own_tensors_;  // of the graph; scratch memory follows
+  std::size_t own_tensors_ = 0;  // of the graph; scratch memory follows
   std::vector<graph::TensorId> scratch_, inputs_, outputs_;
   graph::BatchLayout largest_;
   ExecutorOptions options_;
   std::vector<KernelPtr> kernels_;
   std::vector<Range> constants_;
-  Buffer constant_buffer_, arena_, table_buffer_, staging_, readback_;
+  Buffer constant_buffer_, constant_staging_, arena_, table_buffer_, staging_, readback_;
+  std::vector<std::size_t> capacities_;    // bytes per tensor
   std::vector<std::size_t> offsets_;       // in the arena, per tensor
   std::vector<std::size_t> input_offset_;  // in staging_, per input
   std::size_t table_bytes_ = 0;

@@ -50,6 +50,23 @@ struct Arguments {
   std::span<const Slot> out;
 };
 
+/// A gradient node's memory by what it means (ops/gradient.hpp).
+template <class Operation>
+struct GradientSlots {
+  const ops::Gradient<Operation>& op;
+  const Arguments& args;
+
+  const Range& in(int i) const { return args.in[i].range; }
+  const Range& out(int i) const { return args.in[op.inputs + i].range; }
+  bool has(int i) const { return op.given_at(i) >= 0; }
+  bool wants(int i) const { return op.wanted_at(i) >= 0; }
+  /// The gradient of output i; where it is zero, the output itself, to have something to bind.
+  const Range& given(int i) const { return has(i) ? args.in[op.given_at(i)].range : out(i); }
+  /// Where the gradient of input i goes; where none is wanted, scratch memory.
+  const Range& wanted(int i) const { return wants(i) ? args.out[op.wanted_at(i)].range : args.scratch; }
+  const Range& constants() const { return op.constants ? args.out[op.constants_at()].range : args.scratch; }
+};
+
 class Kernel {
  public:
   virtual ~Kernel() = default;
@@ -94,6 +111,14 @@ KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op);
 KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op);
 KernelPtr make_kernel(const Site& site, const ops::PairAttention& op);
 KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>& op);
+KernelPtr make_kernel(const Site& site, const ops::Loss& op);
+KernelPtr make_kernel(const Site& site, const ops::Sum& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Loss>& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::ProjectPose>& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Head>& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::MergePairs>& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::SoftmaxSum>& op);
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::CloudCoefficients>& op);
 KernelPtr make_kernel(const Site& site, const ops::CgProduct& op);
 KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
 

@@ -22,6 +22,7 @@ struct Range {
     return buffer == other.buffer && offset < other.offset + other.size && other.offset < offset + size;
   }
   Range sub(VkDeviceSize begin, VkDeviceSize bytes) const { return {buffer, offset + begin, bytes}; }
+  bool operator==(const Range&) const = default;
 };
 
 struct Work {
@@ -34,6 +35,7 @@ struct Work {
 
   bool writes(std::size_t i) const;
   const char* name() const { return pipeline ? pipeline->shader->name : "copy"; }
+  bool operator==(const Work&) const = default;
 };
 
 enum class Barriers {

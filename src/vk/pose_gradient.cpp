@@ -1,0 +1,38 @@
+#include "core/failure.hpp"
+#include "pose_gradient.spv.hpp"
+#include "vk/kernel.hpp"
+
+namespace bitr::vk {
+namespace {
+
+constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write};
+constexpr Shader shader{"pose_gradient", spirv::pose_gradient, bindings, sizeof(SegmentParameters), 1};
+
+class ProjectPoseGradient : public Kernel {
+ public:
+  ProjectPoseGradient(const Site& site, const ops::Gradient<ops::ProjectPose>& op)
+      : op_(op), pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {
+    if (op.given_at(0) < 0 || op.wanted_at(0) < 0)
+      throw Failure(ErrorCode::internal, "a pose's gradient that nothing needs");
+  }
+
+  void record(const Arguments& args) const override {
+    const GradientSlots<ops::ProjectPose> slots{op_, args};
+    const std::uint32_t pairs = args.layout.pairs();
+    args.schedule.dispatch(pipeline_, {slots.in(0), slots.out(0), slots.given(0), slots.wanted(0)},
+                           SegmentParameters{0, pairs}, {(pairs + tile_rows - 1) / tile_rows, 1, 1},
+                           500.0 * pairs);
+  }
+
+ private:
+  const ops::Gradient<ops::ProjectPose> op_;
+  const Pipeline& pipeline_;
+};
+
+}  // namespace
+
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::ProjectPose>& op) {
+  return std::make_unique<ProjectPoseGradient>(site, op);
+}
+
+}  // namespace bitr::vk

@@ -1,0 +1,152 @@
+// What training adds on Vulkan: the loss and the gradients around the attention layers against the CPU in
+// double, on the tensors they meet in a training graph, and the executor when constants change.
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "support/cloud_batch.hpp"
+#include "support/configurations.hpp"
+#include "support/op_run.hpp"
+#include "support/random_motion.hpp"
+#include "support/vulkan.hpp"
+#include "train/training_graph.hpp"
+#include "vk/network.hpp"
+
+namespace bitr {
+namespace {
+
+using test::OpTensor;
+
+struct Case {
+  const char* name;
+  ModelConfig config;
+  std::vector<std::array<std::size_t, 2>> pairs;
+  ops::LossKind loss;
+  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
+};
+
+std::vector<Case> cases() {
+  ModelConfig trained, wide, few;
+  trained.neighbor_dilation = 4;
+  trained.relu_square = trained.centroid_offset = trained.return_normals = true;
+  wide.num_channels = wide.feature_num_channels = 6;
+  wide.div = 3;
+  wide.num_key_points = 36;
+  wide.re_convert_k = 33;
+  few.num_layers = few.feature_num_layers = 0;
+  few.k_neighbor = few.re_convert_k = few.key_mean_num = 1;
+  few.num_key_points = 4;
+  using enum ops::LossKind;
+  return {{"direct", {}, {{25, 333}, {300, 31}, {64, 65}}, direct},
+          {"official", {}, {{25, 333}, {300, 31}, {64, 65}}, official},
+          {"trained", trained, {{140, 97}, {97, 1100}}, direct},
+          {"wide", wide, {{65, 70}}, direct},
+          {"few", few, {{9, 2}, {4, 5}, {3, 8}, {6, 6}}, direct}};
+}
+
+// Of the largest entry. The projection's gradient is as well determined as its rotation.
+double bound(const ops::Op& op) {
+  return std::holds_alternative<ops::Gradient<ops::ProjectPose>>(op) ? 1e-3 : 1e-5;
+}
+
+bool tested(const ops::Op& op) {
+  return std::visit(
+      [](const auto& concrete) {
+        using Op = std::decay_t<decltype(concrete)>;
+        return std::is_same_v<Op, ops::Sum> || std::is_same_v<Op, ops::Loss> ||
+               std::is_same_v<Op, ops::Gradient<ops::Loss>> ||
+               std::is_same_v<Op, ops::Gradient<ops::ProjectPose>> ||
+               std::is_same_v<Op, ops::Gradient<ops::Head>> ||
+               std::is_same_v<Op, ops::Gradient<ops::MergePairs>> ||
+               std::is_same_v<Op, ops::Gradient<ops::SoftmaxSum>> ||
+               std::is_same_v<Op, ops::Gradient<ops::CloudCoefficients>>;
+      },
+      op);
+}
+
+// Which inputs of a node are gradients of its outputs.
+std::set<graph::TensorId> given(const graph::Node& node) {
+  return std::visit(
+      [&](const auto& op) {
+        std::set<graph::TensorId> ids;
+        if constexpr (requires { op.given; })
+          for (const int output : op.given) ids.insert(node.inputs[op.given_at(output)]);
+        return ids;
+      },
+      node.op);
+}
+
+class Training : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
+    const Case& c = GetParam();
+    const auto training = train::training_graph(test::perturbed_weights(c.config, 3), c.loss, false);
+    executor_.emplace(training.result.graph, true);
+    const test::CloudBatch batch(random_, c.pairs);
+    layout_ = batch.layout(c.config.num_key_points);
+    executor_->prepare(layout_);
+    double* truth = executor_->data(executor_->graph().truth);
+    for (std::uint32_t pair = 0; pair < layout_.pairs(); ++pair, truth += ops::truth_width) {
+      const Pose pose = test::random_pose(random_);
+      std::copy(pose.rotation.begin(), pose.rotation.end(), truth);
+      std::copy(pose.translation.begin(), pose.translation.end(), truth + 9);
+    }
+    batch.run(*executor_, c.config.num_key_points, pool_);
+  }
+
+  const graph::TensorInfo& info(graph::TensorId id) const { return executor_->graph().tensors[id]; }
+
+  // Rounded to float first, so that both read the same numbers; or random.
+  OpTensor input(graph::TensorId id, bool random) {
+    OpTensor tensor = OpTensor::like(info(id));
+    const std::size_t count = layout_.rows(info(id).rows) * info(id).per_row * info(id).width;
+    std::vector<float> rounded(executor_->data(id), executor_->data(id) + count);
+    if (random)
+      for (float& x : rounded) x = static_cast<float>(random_.normal());
+    tensor.values.assign(rounded.begin(), rounded.end());
+    return tensor;
+  }
+
+  void check(const graph::Node& node, bool random) {
+    std::vector<OpTensor> inputs, outputs;
+    const auto gradients = given(node);
+    for (const auto id : node.inputs) inputs.push_back(input(id, random && gradients.count(id)));
+    for (const auto id : node.outputs) outputs.push_back(OpTensor::like(info(id)));
+    const auto exact = test::run_op<double>(node.op, layout_, inputs, outputs, pool_);
+    const auto device = test::run_op_vulkan(node.op, layout_, inputs, outputs);
+    ASSERT_EQ(device.size(), exact.size());
+    for (std::size_t i = 0; i < exact.size(); ++i) {
+      double worst = 0, largest = 0;
+      for (std::size_t j = 0; j < exact[i].values.size(); ++j) {
+        ASSERT_TRUE(std::isfinite(device[i].values[j]) && std::isfinite(exact[i].values[j])) << j;
+        worst = std::max(worst, std::abs(device[i].values[j] - exact[i].values[j]));
+        largest = std::max(largest, std::abs(exact[i].values[j]));
+      }
+      EXPECT_LE(worst, bound(node.op) * largest) << info(node.outputs[i]).name;
+      if (largest > 0) RecordProperty(info(node.outputs[i]).name, std::to_string(worst / largest * 1e9));
+    }
+  }
+
+  Random random_{7};
+  std::optional<cpu::Executor<double>> executor_;
+  graph::BatchLayout layout_;
+  cpu::ThreadPool pool_{2};
+};
+
+TEST_P(Training, Operations) {
+  std::set<std::size_t> met;
+  for (const graph::Node& node : executor_->graph().nodes) {
+    if (!tested(node.op)) continue;
+    SCOPED_TRACE(node.name);
+    met.insert(node.op.index());
+    for (const bool random : {false, true}) check(node, random);
+  }
+  EXPECT_GE(met.size(), GetParam().loss == ops::LossKind::official ? 7u : 6u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Cases, Training, testing::ValuesIn(cases()),
+                         [](const auto& c) { return c.param.name; });
+
+}  // namespace
+}  // namespace bitr
