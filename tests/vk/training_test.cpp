@@ -148,5 +148,40 @@ TEST_P(Training, Operations) {
 INSTANTIATE_TEST_SUITE_P(Cases, Training, testing::ValuesIn(cases()),
                          [](const auto& c) { return c.param.name; });
 
+// Another seed's sector tables have other sizes.
+graph::Graph network(std::uint64_t seed) {
+  return model::fold(model::build_graph(test::perturbed_weights({}, seed), Mode::scale_exact));
+}
+
+TEST(TrainingExecutor, GoesOnWithOtherConstants) {
+  BITR_NEEDS_VULKAN();
+  const test::VulkanNetwork batch({{200, 90}, {25, 333}});
+  vk::Executor executor(test::vulkan(), network(1), batch.capacity());
+  std::vector<std::vector<float>> poses;
+  for (const std::uint64_t seed : {1, 2, 3, 4}) {
+    vk::Executor fresh(test::vulkan(), network(seed), batch.capacity());
+    poses.push_back(batch.run(fresh));
+    if (seed > 1) executor.replace(network(seed));
+    EXPECT_EQ(batch.run(executor), poses.back()) << seed;
+  }
+  EXPECT_NE(poses[0], poses[1]);
+  // What has held them all holds each of them.
+  const std::size_t allocations = test::vulkan()->allocations();
+  for (const std::uint64_t seed : {2, 1, 4}) {
+    executor.replace(network(seed));
+    EXPECT_EQ(batch.run(executor), poses[seed - 1]) << seed;
+  }
+  EXPECT_EQ(test::vulkan()->allocations(), allocations);
+}
+
+TEST(TrainingExecutor, RefusesOtherOperations) {
+  BITR_NEEDS_VULKAN();
+  ModelConfig config;
+  config.num_layers = 1;
+  const test::VulkanNetwork batch({{200, 90}}), other({{200, 90}}, config);
+  vk::Executor executor(test::vulkan(), batch.graph, batch.capacity());
+  EXPECT_THROW(executor.replace(other.graph), Failure);
+}
+
 }  // namespace
 }  // namespace bitr
