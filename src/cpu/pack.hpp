@@ -31,29 +31,43 @@ Pack<T> zero_pack() {
   return Pack<T>{} + T{0};
 }
 
-namespace detail {
+/// Lane i of pack j becomes lane j of pack i. Everything is inlined: the packs stay in registers.
+template <class T>
+class Transpose {
+  using P = Pack<T>;
+  static constexpr int lanes = pack_lanes<T>;
+  using Sequence = std::make_integer_sequence<int, lanes>;
 
-template <class T, int distance, int... lane>
-void exchange(Pack<T>& a, Pack<T>& b, std::integer_sequence<int, lane...>) {
-  constexpr int lanes = sizeof...(lane);
-  const Pack<T> first =
-      __builtin_shufflevector(a, b, (lane & distance ? lanes + (lane ^ distance) : lane)...);
-  b = __builtin_shufflevector(a, b, (lane & distance ? lanes + lane : lane ^ distance)...);
-  a = first;
-}
+ public:
+  P pack[lanes];
 
-}  // namespace detail
+  [[gnu::always_inline]] void run() { stage<lanes / 2>(Sequence{}); }
+  /// body(std::integral_constant) of every pack.
+  template <class Body>
+  [[gnu::always_inline]] static void for_each(const Body& body) {
+    call(body, Sequence{});
+  }
 
-/// Lane i of pack j becomes lane j of pack i, of as many packs as there are lanes.
-template <class T, int distance = pack_lanes<T> / 2>
-void transpose(Pack<T>* packs) {
-#pragma GCC unroll 16
-  for (int i = 0; i < pack_lanes<T>; ++i)
-    if ((i & distance) == 0)
-      detail::exchange<T, distance>(packs[i], packs[i + distance],
-                                    std::make_integer_sequence<int, pack_lanes<T>>{});
-  if constexpr (distance > 1) transpose<T, distance / 2>(packs);
-}
+ private:
+  template <class Body, int... i>
+  [[gnu::always_inline]] static void call(const Body& body, std::integer_sequence<int, i...>) {
+    (body(std::integral_constant<int, i>{}), ...);
+  }
+  template <int distance, int... i>
+  [[gnu::always_inline]] void stage(std::integer_sequence<int, i...>) {
+    (exchange<i, distance>(Sequence{}), ...);
+    if constexpr (distance > 1) stage<distance / 2>(Sequence{});
+  }
+  template <int i, int distance, int... lane>
+  [[gnu::always_inline]] void exchange(std::integer_sequence<int, lane...>) {
+    if constexpr ((i & distance) == 0) {
+      P &a = pack[i], &b = pack[i + distance];
+      const P first = __builtin_shufflevector(a, b, (lane & distance ? lanes + (lane ^ distance) : lane)...);
+      b = __builtin_shufflevector(a, b, (lane & distance ? lanes + lane : lane ^ distance)...);
+      a = first;
+    }
+  }
+};
 
 /// columns[c] = row[lane][c]
 template <class T>
@@ -61,10 +75,10 @@ void gather(const T* const* row, int width, Pack<T>* columns) {
   constexpr int lanes = pack_lanes<T>;
   int c = 0;
   for (; c + lanes <= width; c += lanes) {
-    Pack<T> block[lanes];
-    for (int lane = 0; lane < lanes; ++lane) std::memcpy(&block[lane], row[lane] + c, pack_bytes);
-    transpose<T>(block);
-    std::copy_n(block, lanes, columns + c);
+    Transpose<T> block;
+    block.for_each([&](auto i) { std::memcpy(&block.pack[i], row[i] + c, pack_bytes); });
+    block.run();
+    block.for_each([&](auto i) { columns[c + i] = block.pack[i]; });
   }
   for (; c < width; ++c)
     for (int lane = 0; lane < lanes; ++lane) columns[c][lane] = row[lane][c];
@@ -76,15 +90,16 @@ void scatter(const Pack<T>* columns, int width, int count, T* const* row) {
   constexpr int lanes = pack_lanes<T>;
   int c = 0;
   for (; c + lanes <= width; c += lanes) {
-    Pack<T> block[lanes];
-    std::copy_n(columns + c, lanes, block);
-    transpose<T>(block);
-    for (int lane = 0; lane < count; ++lane) {
+    Transpose<T> block;
+    block.for_each([&](auto i) { block.pack[i] = columns[c + i]; });
+    block.run();
+    block.for_each([&](auto i) {
+      if (i >= count) return;
       Pack<T> sum;
-      std::memcpy(&sum, row[lane] + c, pack_bytes);
-      sum += block[lane];
-      std::memcpy(row[lane] + c, &sum, pack_bytes);
-    }
+      std::memcpy(&sum, row[i] + c, pack_bytes);
+      sum += block.pack[i];
+      std::memcpy(row[i] + c, &sum, pack_bytes);
+    });
   }
   for (; c < width; ++c)
     for (int lane = 0; lane < count; ++lane) row[lane][c] += columns[c][lane];
@@ -113,17 +128,22 @@ class PackMatrix {
       y[r] = sum;
     }
   }
-  /// The gradient of y = M x from that of y: of M, and added to that of x.
-  void differentiate(const Pack<T>* dy, const Pack<T>* x, Pack<T>* dx) {
-    for (int r = 0; r < rows_; ++r) {
-      const Pack<T> g = dy[r];
-      const T* row = values_.data() + at(r, 0);
-      Pack<T>* gradient = gradient_.data() + at(r, 0);
+  /// The gradient of y = M x from that of y: of M, and added to that of x. `axes` products, their x, dx and
+  /// dy x_step and y_step apart.
+  void differentiate(const Pack<T>* dy, const Pack<T>* x, Pack<T>* dx, int axes = 1, int y_step = 0,
+                     int x_step = 0) {
+    for (int r = 0; r < rows_; ++r)
       for (int c = 0; c < cols_; ++c) {
-        gradient[c] += g * x[c];
-        dx[c] += row[c] * g;
+        Pack<T> sum = gradient_[at(r, c)];
+        for (int a = 0; a < axes; ++a) sum += dy[a * y_step + r] * x[a * x_step + c];
+        gradient_[at(r, c)] = sum;
       }
-    }
+    for (int a = 0; a < axes; ++a)
+      for (int c = 0; c < cols_; ++c) {
+        Pack<T> sum = dx[a * x_step + c];
+        for (int r = 0; r < rows_; ++r) sum += values_[at(r, c)] * dy[a * y_step + r];
+        dx[a * x_step + c] = sum;
+      }
   }
   T value(int r, int c) const { return values_[at(r, c)]; }
   Pack<T>& gradient(int r, int c) { return gradient_[at(r, c)]; }

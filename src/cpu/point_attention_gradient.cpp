@@ -79,7 +79,7 @@ class PointBlock {
         edge_sum_(edge_query_.size()),
         zero_query_(static_cast<std::size_t>(zero_.count())),
         zero_sum_(zero_query_.size()),
-        scratch_(std::max({edge_query_.size(), zero_query_.size(), out_.size()})) {
+        scratch_(std::max({edge_query_.size(), zero_query_.size(), out_.size(), own_.size()})) {
     for (int i = 0; i < name_count; ++i) matrix_[i] = PackMatrix<T>(matrices[i]);
   }
 
@@ -131,20 +131,31 @@ class PointBlock {
       for (int a = 0; a < 3; ++a) centre[a][lane] = in_.centres[3 * row(lane) + (a + 1) % 3];
     duplicates_ = false;
     for (int j = 0; j < k_; ++j) set_direction(centre, j);
-    for (int lane = 0; lane < lanes; ++lane) {
-      if (!op_.uniform) {
-        const T* f = in_.features + row(lane) * in_.feature_stride;
-        for (int c = 0; c < op_.c0; ++c) own0()[c][lane] = f[c];
-        own0()[op_.c0][lane] = 1;
-        for (int c = 0; c < op_.c1; ++c)
-          for (int a = 0; a < 3; ++a) own1(own_, a)[c][lane] = f[op_.c0 + 3 * c + a];
-      }
-      const T* g = given_ + row(lane) * out_.size();
-      const T there = lane < count_ ? T{1} : T{0};
-      for (int c = 0; c < op_.m0; ++c) d_out_[c][lane] = there * g[c];
-      for (int c = 0; c < op_.m1; ++c)
-        for (int a = 0; a < 3; ++a) out1(d_out_, a)[c][lane] = there * g[op_.m0 + 3 * c + a];
+    load_own();
+  }
+
+  void load_own() {
+    const T* rows[lanes];
+    if (!op_.uniform) {
+      for (int lane = 0; lane < lanes; ++lane) rows[lane] = in_.features + row(lane) * in_.feature_stride;
+      gather(rows, op_.c0 + 3 * op_.c1, scratch_.data());
+      by_axis(scratch_.data(), op_.c0, op_.c1, own0(), own1(own_, 0));
+      own0()[op_.c0] = zero_pack<T>() + 1;
     }
+    const int width = op_.m0 + 3 * op_.m1;
+    for (int lane = 0; lane < lanes; ++lane) rows[lane] = given_ + row(lane) * width;
+    gather(rows, width, scratch_.data());
+    P there;
+    for (int lane = 0; lane < lanes; ++lane) there[lane] = lane < count_ ? T{1} : T{0};
+    for (int c = 0; c < width; ++c) scratch_[c] *= there;
+    by_axis(scratch_.data(), op_.m0, op_.m1, d_out_.data(), out1(d_out_, 0));
+  }
+
+  // Vectors from channel by channel to axis by axis.
+  static void by_axis(const P* from, int scalars, int vectors, P* to0, P* to1) {
+    std::copy_n(from, scalars, to0);
+    for (int c = 0; c < vectors; ++c)
+      for (int a = 0; a < 3; ++a) to1[a * vectors + c] = from[scalars + 3 * c + a];
   }
 
   // The feature of an edge of length zero moves to the other set of paths.
@@ -230,7 +241,7 @@ class PointBlock {
     const bool turn = out.centres || out.neighbours;
     if (!op_.uniform) {
       matrix_[S0].differentiate(d_out_.data(), own0(), d_own_.data());
-      for (int a = 0; a < 3; ++a) matrix_[S1].differentiate(out1(d_out_, a), own1(own_, a), own1(d_own_, a));
+      matrix_[S1].differentiate(out1(d_out_, 0), own1(own_, 0), own1(d_own_, 0), 3, op_.m1, op_.c1);
     }
     std::fill(d_weight_.begin(), d_weight_.end(), zero_pack<T>());
     differentiate_sum(edge_, O0, O1, edge_sum_);
@@ -257,10 +268,8 @@ class PointBlock {
   void differentiate_sum(const PointPathSet<T>& set, Name degree0, Name degree1, Packs<T>& sum) {
     std::fill(scratch_.begin(), scratch_.end(), zero_pack<T>());
     matrix_[degree0].differentiate(d_out_.data(), sum.data(), scratch_.data());
-    for (int a = 0; a < set.axes(); ++a) {
-      const int begin = set.degree1(a);
-      matrix_[degree1].differentiate(out1(d_out_, a), sum.data() + begin, scratch_.data() + begin);
-    }
+    matrix_[degree1].differentiate(out1(d_out_, 0), sum.data() + set.degree1(0),
+                                   scratch_.data() + set.degree1(0), set.axes(), op_.m1, set.axis_step());
     std::copy_n(scratch_.begin(), sum.size(), sum.begin());
     set.add_products(sum.data(), direction_.data(), d_weight_.data());
   }
@@ -279,8 +288,8 @@ class PointBlock {
     if (!op_.uniform) {
       set.sum(d_weight_.data(), direction_.data(), scratch_.data());
       matrix_[degree0].differentiate(scratch_.data(), own0(), d_own_.data());
-      for (int a = 0; a < set.axes(); ++a)
-        matrix_[degree1].differentiate(scratch_.data() + set.degree1(a), own1(own_, a), own1(d_own_, a));
+      matrix_[degree1].differentiate(scratch_.data() + set.degree1(0), own1(own_, 0), own1(d_own_, 0),
+                                     set.axes(), set.axis_step(), op_.c1);
     }
     if (out.features || d_directions)
       set.differentiate(weight_.data(), d_sum.data(), d_weight_.data(), query.data(), direction_.data(),
@@ -289,16 +298,15 @@ class PointBlock {
 
   void store(const PointGradients<T>& out) {
     if (out.features) {
-      const int width = op_.c0 + 3 * op_.c1;
-      for (int lane = 0; lane < count_; ++lane) {
-        if (!op_.uniform) {
-          T* to = out.features + row(lane) * width;
-          for (int c = 0; c < op_.c0; ++c) to[c] += d_own_[c][lane];
-          for (int c = 0; c < op_.c1; ++c)
-            for (int a = 0; a < 3; ++a) to[op_.c0 + 3 * c + a] += own1(d_own_, a)[c][lane];
-        }
-      }
+      const int c0 = op_.c0, width = c0 + 3 * op_.c1;
       T* rows[lanes];
+      if (!op_.uniform) {
+        std::copy_n(d_own_.data(), c0, scratch_.data());
+        for (int c = 0; c < op_.c1; ++c)
+          for (int a = 0; a < 3; ++a) scratch_[c0 + 3 * c + a] = own1(d_own_, a)[c];
+        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + row(lane) * width;
+        scatter(scratch_.data(), width, count_, rows);
+      }
       for (int j = 0; j < k_; ++j) {
         for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + neighbour(lane, j) * width;
         scatter(edge_.gradient(j), width, count_, rows);

@@ -34,6 +34,7 @@ class PointPathSet {
   int count() const { return heads_ * (n0_ + 3 * n1_); }
   /// Degree 0: heads × n₀; degree 1: 3 × heads × n₁.
   int degree1(int axis) const { return heads_ * (n0_ + axis * n1_); }
+  int axis_step() const { return heads_ * n1_; }
   int axes() const { return n1_ > 0 ? 3 : 0; }
   /// Inputs of the paths over edge j, and the gradient with respect to them.
   P* features(int j) { return features_.data() + j * inputs_; }
