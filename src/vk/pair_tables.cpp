@@ -101,14 +101,18 @@ class Packer {
   // From (freq, output channels, input channels) to (freq, input channels in vec4s, output channels), a
   // column after the other.
   void add_columns(Numbers& to, const ops::PairBlock& block, const MatrixXd& columns) const {
+    const Eigen::MatrixXf single = columns.cast<float>();
+    const int inputs = block.in_channels, padded_inputs = 4 * in_vectors_;
+    std::size_t at = to.size();
+    to.resize(at +
+              static_cast<std::size_t>(columns.cols() * block.freq() * block.out_channels * padded_inputs));
     for (Eigen::Index column = 0; column < columns.cols(); ++column)
       for (int f = 0; f < block.freq(); ++f)
-        for (int c = 0; c < 4 * in_vectors_; c += 4)
-          for (int o = 0; o < block.out_channels; ++o)
-            for (int i = c; i < c + 4; ++i)
-              add(to, i < block.in_channels
-                          ? columns((f * block.out_channels + o) * block.in_channels + i, column)
-                          : 0.0);
+        for (int c = 0; c < padded_inputs; c += 4)
+          for (int o = 0; o < block.out_channels; ++o, at += 4)
+            for (int i = 0; i < std::min(4, inputs - c); ++i)
+              to[at + i] =
+                  std::bit_cast<std::uint32_t>(single((f * block.out_channels + o) * inputs + c + i, column));
   }
 
   // The network's last layer in the coefficients' order, its offset as one more column.
