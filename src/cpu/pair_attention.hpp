@@ -72,7 +72,7 @@ class PairRow {
       : p_(prepared),
         k_(k),
         coefficient_(p_.op.coefficient_count),
-        edge_(p_.op.coefficient_count),
+        edges_(static_cast<std::size_t>(k) * p_.op.coefficient_count),
         feature_(p_.op.fiber_in.size()),
         message_(p_.messages.size()),
         weight_(p_.op.heads),
@@ -130,14 +130,17 @@ class PairRow {
       length_[s] = (d[s][0].square() + d[s][1].square() + d[s][2].square()).sqrt();
       frame_[s].set(d[s], length_[s]);
     }
+    std::fill(edges_.begin(), edges_.end(), T{0});
     for (int j = 0; j < k_; ++j) {
-      edge_.assign(edge_.size(), T{0});
-      for (const Sectors<T>& table : p_.tables) table.add(length_[0][j], length_[1][j], edge_.data());
+      T* edge = edges_.data() + static_cast<std::size_t>(j) * coefficient_.size();
+      for (const Sectors<T>& table : p_.tables) table.add(length_[0][j], length_[1][j], edge);
       for (int s = 0; s < 2; ++s)
         if (const T norm = length_[s][j] / static_cast<T>(ops::direction_eps); norm < 1)
-          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge_.data());
-      for (std::size_t c = 0; c < edge_.size(); ++c) coefficient_[c][j] = edge_[c];
+          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge);
     }
+    for (std::size_t c = 0; c < coefficient_.size(); ++c)
+      for (int j = 0; j < k_; ++j)
+        coefficient_[c][j] = edges_[static_cast<std::size_t>(j) * coefficient_.size() + c];
   }
 
   void attend(const T* own) {
@@ -186,7 +189,7 @@ class PairRow {
   Frame<Edges> frame_[2];
   Edges length_[2];
   Buffer coefficient_;
-  Numbers edge_;
+  Numbers edges_;  // edge by edge, what coefficient_ holds coefficient by coefficient
   Buffer feature_, message_, weight_;
   Numbers query_, sum_, result_;
 };

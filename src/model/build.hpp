@@ -1,6 +1,7 @@
 // The network of a model as a graph, layer by layer, and the two passes that make it executable.
 #pragma once
 
+#include "core/for_each.hpp"
 #include "graph/graph.hpp"
 #include "model/weights.hpp"
 
@@ -19,7 +20,8 @@ graph::Graph expand(const graph::Graph& graph);
 ///   extended features + key regression    → cloud_coefficients + point_attention on the points' own features
 ///   two-sided layers (+ projected ReLU)   → pair_attention
 ///   softmax and sums over clouds          → softmax_sum
-/// Exact but for the one-sided LayerNorms' eps, which is dropped for edges of positive length.
-graph::Graph fold(const graph::Graph& graph);
+/// Exact but for the one-sided LayerNorms' eps, which is dropped for edges of positive length. Most of the
+/// work is the sector tables: `for_each` may share it out.
+graph::Graph fold(const graph::Graph& graph, const ForEach& for_each = one_by_one);
 
 }  // namespace bitr::model

@@ -15,7 +15,8 @@ using graph::TensorId;
 
 class Folder {
  public:
-  explicit Folder(const Graph& source) : source_(source), graph_(source) {
+  Folder(const Graph& source, const ForEach& for_each)
+      : source_(source), for_each_(for_each), graph_(source) {
     graph_.nodes.clear();
     for (std::size_t i = 0; i < source.nodes.size(); ++i) {
       for (TensorId id : source.nodes[i].outputs) producer_[id] = i;
@@ -67,7 +68,7 @@ class Folder {
                    neighbours = node.inputs[3];
     const std::string name = graph_.tensors[output].name;
     if (layer.sides == 2) {
-      graph_.append(name, pair_attention(layer, relu), {feature, index, centres}, {output});
+      graph_.append(name, pair_attention(layer, relu, for_each_), {feature, index, centres}, {output});
       return;
     }
     const ops::PointAttention folded = point_attention(layer, relu);
@@ -148,6 +149,7 @@ class Folder {
   }
 
   const Graph& source_;
+  const ForEach& for_each_;
   Graph graph_;
   std::map<TensorId, std::size_t> producer_;
   std::map<TensorId, std::vector<std::size_t>> consumers_;
@@ -156,6 +158,6 @@ class Folder {
 
 }  // namespace
 
-Graph fold(const Graph& graph) { return Folder(graph).fold(); }
+Graph fold(const Graph& graph, const ForEach& for_each) { return Folder(graph, for_each).fold(); }
 
 }  // namespace bitr::model

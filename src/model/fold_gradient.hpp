@@ -2,6 +2,7 @@
 // (model/fold_layers.hpp). A gradient lives in an operation of the same shape; all functions add to `to`.
 #pragma once
 
+#include "core/for_each.hpp"
 #include "ops/attention_layer.hpp"
 #include "ops/pair_attention.hpp"
 #include "ops/point_attention.hpp"
@@ -14,7 +15,8 @@ void add_point_attention_gradient(const ops::AttentionLayer& layer, const ops::P
 
 /// Of pair_attention(layer, …), which is `folded`.
 void add_pair_attention_gradient(const ops::AttentionLayer& layer, const ops::PairAttention& folded,
-                                 const ops::PairAttention& gradient, ops::AttentionLayer& to);
+                                 const ops::PairAttention& gradient, ops::AttentionLayer& to,
+                                 const ForEach& for_each);
 
 /// Of constant_radial(network, zero_length).
 void add_constant_radial_gradient(const ops::RadialNetwork& network, bool zero_length,

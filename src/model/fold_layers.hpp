@@ -1,6 +1,7 @@
 // The algebra of the fold, layer by layer: constants in, constants out.
 #pragma once
 
+#include "core/for_each.hpp"
 #include "ops/attention_layer.hpp"
 #include "ops/cloud_coefficients.hpp"
 #include "ops/extend_features.hpp"
@@ -28,7 +29,8 @@ ops::MeanDirection mean_direction(const ops::PointAttention& first, double const
 ops::CloudCoefficients cloud_coefficients(const ops::PointAttention& full, const ops::ExtendFeatures& extend);
 
 /// A two-sided layer and the ReLU behind it (or nullptr).
-ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu);
+ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu,
+                                  const ForEach& for_each = one_by_one);
 
 /// Sectors of a two-input network; coefficients in the order of ops::PairBlock, `basis` applied.
 ops::SectorTable sector_table(const std::shared_ptr<const ops::RadialNetwork>& network,

@@ -32,26 +32,39 @@ MatrixXd pair_basis(const ops::RadialBlock& block, bool exchanged) {
   return basis;
 }
 
-void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_begin) {
-  ops::PairBlock block{radial.in,           radial.out, radial.in_channels,
-                       radial.out_channels, out_begin,  op.coefficient_count};
-  const auto add_table = [&](bool swapped, double scale) {
-    ops::SectorTable table = sector_table(radial.network, pair_basis(radial, swapped), radial.in_channels,
-                                          radial.out_channels, scale);
+// One sector table to be made.
+struct TableJob {
+  const ops::RadialBlock* radial;
+  bool swapped;
+  double scale;
+  int begin;
+
+  ops::SectorTable make() const {
+    ops::SectorTable table = sector_table(radial->network, pair_basis(*radial, swapped), radial->in_channels,
+                                          radial->out_channels, scale);
     table.swapped = swapped;
-    table.begin = block.coefficients;
-    op.tables.push_back(std::move(table));
+    table.begin = begin;
+    return table;
+  }
+};
+
+void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_begin,
+               std::vector<TableJob>& jobs) {
+  const ops::PairBlock block{radial.in,           radial.out, radial.in_channels,
+                             radial.out_channels, out_begin,  op.coefficient_count};
+  const auto add = [&](bool swapped, double scale) {
+    jobs.push_back({&radial, swapped, scale, block.coefficients});
   };
   switch (radial.tying) {
     case ops::Tying::direct:
-      add_table(false, 1);
+      add(false, 1);
       break;
     case ops::Tying::mirrored:
-      add_table(true, 1);
+      add(true, 1);
       break;
     case ops::Tying::symmetrised:
-      add_table(false, 0.5);
-      add_table(true, 0.5);
+      add(false, 0.5);
+      add(true, 0.5);
       break;
   }
   op.coefficient_count += block.freq() * block.in_channels * block.out_channels;
@@ -60,7 +73,8 @@ void add_block(ops::PairAttention& op, const ops::RadialBlock& radial, int out_b
 
 }  // namespace
 
-ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu) {
+ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::ProjectedRelu* relu,
+                                  const ForEach& for_each) {
   ops::PairAttention op{.heads = layer.heads,
                         .fiber_in = layer.fiber_in,
                         .fiber_out = layer.fiber_out,
@@ -72,9 +86,13 @@ ops::PairAttention pair_attention(const ops::AttentionLayer& layer, const ops::P
                         .project = {},
                         .self = {},
                         .planes = {}};
-  for (const auto& block : layer.values_keys.blocks) add_block(op, block, 0);
-  for (const auto& block : layer.values.blocks) add_block(op, block, 0);
-  for (const auto& block : layer.keys.blocks) add_block(op, block, layer.value_fiber.channels(block.out));
+  std::vector<TableJob> jobs;
+  for (const auto& block : layer.values_keys.blocks) add_block(op, block, 0, jobs);
+  for (const auto& block : layer.values.blocks) add_block(op, block, 0, jobs);
+  for (const auto& block : layer.keys.blocks)
+    add_block(op, block, layer.value_fiber.channels(block.out), jobs);
+  op.tables.resize(jobs.size());
+  for_each(jobs.size(), [&](std::size_t i) { op.tables[i] = jobs[i].make(); });
 
   const double logit_scale = 1 / std::sqrt(layer.key_fiber.component_count());
   for (const auto& [d, m] : layer.key_fiber) op.query[d] = with_skip(layer.query, d) * logit_scale;

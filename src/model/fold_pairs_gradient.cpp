@@ -1,33 +1,33 @@
 // Two-sided layers: fold_pairs.cpp backwards.
+#include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "model/fold_gradient.hpp"
+#include "ops/constants.hpp"
 
 namespace bitr::model {
-namespace {
-
-// A network's tables in the order in which pair_attention() makes them.
-void add_block(const ops::RadialBlock& block, const ops::PairAttention& folded,
-               const ops::PairAttention& gradient, std::size_t& table, ops::RadialBlock& to) {
-  auto& network = const_cast<ops::RadialNetwork&>(*to.network);
-  const int count = block.tying == ops::Tying::symmetrised ? 2 : 1;
-  for (int i = 0; i < count; ++i, ++table)
-    add_sector_table_gradient(folded.tables[table], gradient.tables[table],
-                              block.in_channels * block.out_channels, network);
-}
-
-}  // namespace
 
 void add_pair_attention_gradient(const ops::AttentionLayer& layer, const ops::PairAttention& folded,
-                                 const ops::PairAttention& gradient, ops::AttentionLayer& to) {
-  std::size_t table = 0;
-  const auto add_blocks = [&](const ops::Convolve& from, ops::Convolve& into) {
-    for (std::size_t b = 0; b < from.blocks.size(); ++b)
-      add_block(from.blocks[b], folded, gradient, table, into.blocks[b]);
-  };
-  add_blocks(layer.values_keys, to.values_keys);
-  add_blocks(layer.values, to.values);
-  add_blocks(layer.keys, to.keys);
+                                 const ops::PairAttention& gradient, ops::AttentionLayer& to,
+                                 const ForEach& for_each) {
+  // The networks of the tables, in the order in which pair_attention() makes those.
+  std::vector<const ops::RadialBlock*> blocks;
+  for (const ops::Convolve* convolve : {&to.values_keys, &to.values, &to.keys})
+    for (const ops::RadialBlock& block : convolve->blocks)
+      blocks.insert(blocks.end(), block.tying == ops::Tying::symmetrised ? 2 : 1, &block);
+  std::vector<ops::RadialNetwork> parts(blocks.size());
+  for_each(blocks.size(), [&](std::size_t i) {
+    parts[i] = ops::zeros_like(*blocks[i]->network);
+    add_sector_table_gradient(folded.tables[i], gradient.tables[i],
+                              blocks[i]->in_channels * blocks[i]->out_channels, parts[i]);
+  });
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const auto network = ops::constants(const_cast<ops::RadialNetwork&>(*blocks[i]->network)),
+               part = ops::constants(parts[i]);
+    for (std::size_t s = 0; s < part.size(); ++s)
+      std::transform(part[s].begin(), part[s].end(), network[s].begin(), network[s].begin(), std::plus<>());
+  }
 
   const double logit_scale = 1 / std::sqrt(layer.key_fiber.component_count());
   for (const auto& [d, matrix] : gradient.query) to.query.weights.at(d) += logit_scale * matrix;

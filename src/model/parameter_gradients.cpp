@@ -11,7 +11,8 @@ using graph::Node;
 
 class Collector {
  public:
-  Collector(const Graph& made, const std::vector<std::vector<double>>& constants) : made_(made) {
+  Collector(const Graph& made, const std::vector<std::vector<double>>& constants, const ForEach& for_each)
+      : made_(made), for_each_(for_each) {
     for (std::size_t i = 0; i < made.nodes.size(); ++i)
       if (!constants[i].empty()) numbers_.emplace(made.nodes[i].name, Found{i, constants[i]});
   }
@@ -19,9 +20,7 @@ class Collector {
   Gradients gradients;
 
   auto adding() {
-    return [this](const std::string& name, const auto& matrix) {
-      gradients.at(name) += matrix;
-    };
+    return [this](const std::string& name, const auto& matrix) { gradients.at(name) += matrix; };
   }
 
   void add(const LayerSpec& spec, const ops::AttentionLayer& layer, const std::string& folded_name) {
@@ -34,7 +33,7 @@ class Collector {
       add_point_attention_gradient(layer, cloud->full, to);
     } else if (const auto pairs = gradient<ops::PairAttention>(folded_name)) {
       const auto& op = std::get<ops::PairAttention>(made_.nodes[numbers_.at(folded_name).node].op);
-      add_pair_attention_gradient(layer, op, *pairs, to);
+      add_pair_attention_gradient(layer, op, *pairs, to, for_each_);
     } else {
       take_expanded(spec.stage, to);
     }
@@ -106,13 +105,14 @@ class Collector {
   }
 
   const Graph& made_;
+  const ForEach& for_each_;
   std::map<std::string, Found> numbers_;
 };
 
 }  // namespace
 
 Gradients parameter_gradients(const Weights& weights, const Graph& whole, const Graph& made,
-                              const std::vector<std::vector<double>>& constants) {
+                              const std::vector<std::vector<double>>& constants, const ForEach& for_each) {
   const Architecture net = architecture(weights.config);
   std::map<std::string, const LayerSpec*> layers;
   std::map<std::string, const ReluSpec*> relus;
@@ -122,7 +122,7 @@ Gradients parameter_gradients(const Weights& weights, const Graph& whole, const 
   for (const auto* list : {&net.extractor_relu, &net.pair_relu})
     for (const ReluSpec& spec : *list) relus[spec.stage] = &spec;
 
-  Collector collect(made, constants);
+  Collector collect(made, constants, for_each);
   // The official state dict holds some that nothing reads.
   for (const auto& [name, value] : weights.parameters)
     collect.gradients[name] = Eigen::MatrixXd::Zero(value.rows(), value.cols());

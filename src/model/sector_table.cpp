@@ -2,8 +2,8 @@
 // and the linear map between two such rays.
 #include "ops/sector_table.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -19,27 +19,103 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
+
 // Coefficients by ascending powers.
-using Poly = std::vector<double>;
+template <std::size_t N>
+using Poly = std::array<double, N>;
 
 constexpr double quarter_turn = std::numbers::pi / 2;
 
-Poly operator*(const Poly& a, const Poly& b) {
-  Poly product(a.size() + b.size() - 1, 0);
-  for (std::size_t i = 0; i < a.size(); ++i)
-    for (std::size_t j = 0; j < b.size(); ++j) product[i + j] += a[i] * b[j];
+template <std::size_t N, std::size_t M>
+Poly<N + M - 1> operator*(const Poly<N>& a, const Poly<M>& b) {
+  Poly<N + M - 1> product{};
+  for (std::size_t i = 0; i < N; ++i)
+    for (std::size_t j = 0; j < M; ++j) product[i + j] += a[i] * b[j];
   return product;
 }
 
-Poly operator-(Poly a, const Poly& b) {
-  a.resize(std::max(a.size(), b.size()), 0);
-  for (std::size_t i = 0; i < b.size(); ++i) a[i] -= b[i];
+template <std::size_t N>
+Poly<N> operator-(Poly<N> a, const Poly<N>& b) {
+  for (std::size_t i = 0; i < N; ++i) a[i] -= b[i];
   return a;
 }
 
 Vector2d ray(double angle) { return {std::cos(angle), std::sin(angle)}; }
 
-// A fan of rays u(t) = a + t b, t ∈ (0, ∞), between the rays a and b: inside it, roots are positive roots.
+// The polynomial Σ c_i tⁱ over t ∈ (0, ∞) as a Bézier curve: with t = s/(1 − s), (1 − s)ⁿ p(t) has the
+// Bernstein coefficients c_i/(n over i) on s ∈ (0, 1). At most quartic.
+class Bezier {
+ public:
+  template <std::size_t N>
+  explicit Bezier(const Poly<N>& p) : degree_(static_cast<int>(N) - 1) {
+    constexpr double binomial[5][5] = {{1}, {1, 1}, {1, 2, 1}, {1, 3, 3, 1}, {1, 4, 6, 4, 1}};
+    for (int i = 0; i <= degree_; ++i) points_[i] = p[i] / binomial[degree_][i];
+  }
+
+  /// Values of s where the curve changes sign, in ascending order. Where it only touches 0 there may be some
+  /// as well.
+  template <class Found>
+  void find_roots(Found found) const {
+    find(points_, 0, 1, found);
+  }
+
+ private:
+  using Points = std::array<double, 5>;
+  static constexpr double resolution = 1e-9;  // of roots that cannot be told apart
+
+  // Descartes: as many roots as changes of sign among the coefficients, or an even number fewer.
+  int sign_changes(const Points& points) const {
+    int changes = 0;
+    double last = 0;
+    for (int i = 0; i <= degree_; ++i) {
+      if (points[i] * last < 0) ++changes;
+      if (points[i] != 0) last = points[i];
+    }
+    return changes;
+  }
+  // de Casteljau: the parts before and after s.
+  void split(const Points& points, double s, Points& before, Points& after) const {
+    after = points;
+    for (int i = 0; i <= degree_; ++i) {
+      before[i] = after[0];
+      for (int j = 0; j < degree_ - i; ++j) after[j] += s * (after[j + 1] - after[j]);
+    }
+  }
+  template <class Found>
+  void find(const Points& points, double low, double high, Found& found) const {
+    const int changes = sign_changes(points);
+    if (changes == 0) return;
+    if (changes == 1) return found(low + (high - low) * only_root(points));
+    const double middle = (low + high) / 2;
+    if (high - low < resolution) return found(middle);
+    Points before, after;
+    split(points, 0.5, before, after);
+    find(before, low, middle, found);
+    if (before[degree_] == 0) found(middle);
+    find(after, middle, high, found);
+  }
+  // Newton's steps, kept inside the bracket by halving it.
+  double only_root(const Points& points) const {
+    double low = 0, high = 1, s = 0.5;
+    const double sign = points[0] != 0 ? points[0] : -points[degree_];
+    for (int step = 0; step < 100 && high - low > 1e-16; ++step) {
+      Points before, after;
+      split(points, s, before, after);
+      const double value = after[0], slope = degree_ * (after[1] - after[0]) / (1 - s);
+      if (value == 0) return s;
+      (value * sign > 0 ? low : high) = s;
+      const double next = s - value / slope;
+      if (std::abs(next - s) < 1e-16) return s;
+      s = next > low && next < high ? next : (low + high) / 2;
+    }
+    return s;
+  }
+
+  int degree_;
+  Points points_{};
+};
+
+// A fan of rays u = a + t b, t ∈ (0, ∞), between the rays a and b: inside it, roots are positive roots.
 class Fan {
  public:
   Fan(double low, double high) {
@@ -47,43 +123,24 @@ class Fan {
     ends_.col(1) = ray(high);
   }
   // Of linear and quadratic forms of u.
-  Poly linear(const Vector2d& w) const {
+  Poly<2> linear(const Vector2d& w) const {
     const Vector2d local = ends_.transpose() * w;
     return {local[0], local[1]};
   }
-  Poly quadratic(const Matrix2d& m) const {
+  Poly<3> quadratic(const Matrix2d& m) const {
     const Matrix2d local = ends_.transpose() * m * ends_;
     return {local(0, 0), local(0, 1) + local(1, 0), local(1, 1)};
   }
-  // Angles of the roots of p. A root too many only splits a sector in two equal halves, so nearly real ones
-  // are taken as well.
-  void add_roots(Poly p, std::vector<double>& angles) const {
-    if (!changes_sign(p)) return;
-    double largest = 0;
-    for (double c : p) largest = std::max(largest, std::abs(c));
-    while (p.size() > 1 && std::abs(p.back()) <= 1e-14 * largest) p.pop_back();
-    const auto degree = static_cast<Eigen::Index>(p.size()) - 1;
-    if (degree < 1) return;
-    // At most quartic: a matrix that never leaves the stack.
-    using Companion = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 4, 4>;
-    Companion companion = Companion::Zero(degree, degree);
-    companion.diagonal(-1).setOnes();
-    for (Eigen::Index i = 0; i < degree; ++i) companion(i, degree - 1) = -p[i] / p[degree];
-    const Eigen::EigenSolver<Companion> solver(companion, false);
-    for (Eigen::Index i = 0; i < degree; ++i) {
-      const std::complex<double> root = solver.eigenvalues()[i];
-      if (root.real() <= 0 || std::abs(root.imag()) > 1e-4 * (1 + root.real())) continue;
-      const Vector2d u = ends_ * Vector2d(1, root.real());
+  // Angles of the roots of p. One too many only splits a sector in two equal halves.
+  template <std::size_t N>
+  void add_roots(const Poly<N>& p, std::vector<double>& angles) const {
+    Bezier(p).find_roots([&](double s) {
+      const Vector2d u = ends_ * Vector2d(1 - s, s);
       angles.push_back(std::atan2(u[1], u[0]));
-    }
+    });
   }
 
  private:
-  // Descartes: without a change of sign there is no positive root.
-  static bool changes_sign(const Poly& p) {
-    const auto [low, high] = std::minmax_element(p.begin(), p.end());
-    return *low < 0 && *high > 0;
-  }
   Matrix2d ends_;
 };
 
@@ -176,13 +233,13 @@ class Divider {
     const Matrix3d Q = affine.transpose() * affine / static_cast<double>(affine.rows());
     std::vector<double> inner;
     const Fan fan(low, high);
-    const Poly variance = fan.quadratic(q);
+    const Poly<3> variance = fan.quadratic(q);
     for (Eigen::Index j = 0; j < affine.rows(); ++j) {
       // g·p = −b√Q(p) means S(p) = (g·p)² − b²Q(p) = 0; with p ∝ (u, √q(u)), S = α(u) + β(u)√q(u).
       const Vector3d g = net_.gain2[j] * affine.row(j).transpose();
       const Matrix3d S = g * g.transpose() - net_.bias2[j] * net_.bias2[j] * Q;
-      const Poly alpha = fan.quadratic(S.topLeftCorner<2, 2>() + S(2, 2) * q);
-      const Poly beta = fan.linear(2 * S.topRightCorner<2, 1>());
+      const Poly<3> alpha = fan.quadratic(S.topLeftCorner<2, 2>() + S(2, 2) * q);
+      const Poly<2> beta = fan.linear(2 * S.topRightCorner<2, 1>());
       fan.add_roots(alpha * alpha - beta * beta * variance, inner);
     }
     inner = with_ends(std::move(inner), low, high);

@@ -65,6 +65,11 @@ inline ConstantSpans constants(Convolve& op) {
   for (RadialNetwork* network : networks_of(op)) detail::add(spans, *network);
   return spans;
 }
+inline ConstantSpans constants(RadialNetwork& network) {
+  ConstantSpans spans;
+  detail::add(spans, network);
+  return spans;
+}
 inline ConstantSpans constants(ProjectedRelu& op) {
   ConstantSpans spans;
   detail::add(spans, op.planes);

@@ -37,7 +37,7 @@ class CpuDifferentiator : public Differentiator {
     for (const TrainingPair& pair : pairs) clouds.push_back({pair.source, pair.reference});
     const PackedBatch batch = packed(weights.config, options_.precision, clouds);
 
-    TrainingGraph training = training_graph(weights, options_.loss, options_.as_defined);
+    TrainingGraph training = training_graph(weights, options_.loss, options_.as_defined, for_each_);
     graph::Graph& graph = training.result.graph;
     if (executor_)
       executor_->replace(graph);
@@ -59,7 +59,7 @@ class CpuDifferentiator : public Differentiator {
     for (std::size_t i = 0; i < constants.size(); ++i)
       if (const graph::TensorId id = training.result.constants[i]; id != graph::no_tensor)
         constants[i].assign(executor_->data(id), executor_->data(id) + graph.tensors[id].width);
-    gradients = model::parameter_gradients(weights, training.whole, training.made, constants);
+    gradients = model::parameter_gradients(weights, training.whole, training.made, constants, for_each_);
 
     LossTerms terms;
     const T* loss = executor_->data(graph.loss);
@@ -74,6 +74,11 @@ class CpuDifferentiator : public Differentiator {
  private:
   const Device device_;
   const DifferentiatorOptions options_;
+  const ForEach for_each_ = [this](std::size_t count, const std::function<void(std::size_t)>& work) {
+    device_.pool().parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) work(i);
+    });
+  };
   std::optional<cpu::Executor<T>> executor_;
 };
 

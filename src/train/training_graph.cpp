@@ -19,13 +19,14 @@ void append_loss(Graph& graph, ops::LossKind kind) {
 
 }  // namespace
 
-TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined) {
+TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined,
+                             const ForEach& for_each) {
   if (!as_defined && weights.mode == Mode::reference)
     throw Failure(ErrorCode::unsupported,
                   "a model in reference mode is trained as defined only; scale-exact is for folded training");
   TrainingGraph training;
   training.whole = model::build_graph(weights, weights.mode);
-  training.made = as_defined ? model::expand(training.whole) : model::fold(training.whole);
+  training.made = as_defined ? model::expand(training.whole) : model::fold(training.whole, for_each);
   append_loss(training.made, loss);
   training.result = graph::differentiate(training.made);
   return training;

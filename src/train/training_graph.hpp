@@ -1,6 +1,7 @@
 // What a training step runs: the network, the loss and the gradient of both, as one graph.
 #pragma once
 
+#include "core/for_each.hpp"
 #include "graph/differentiate.hpp"
 #include "model/weights.hpp"
 #include "ops/loss.hpp"
@@ -15,6 +16,7 @@ struct TrainingGraph {
 
 /// In the weights' mode. Throws Failure (`unsupported`) for a folded graph in reference mode: the fold drops
 /// eps that are part of its gradient.
-TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined);
+TrainingGraph training_graph(const model::Weights& weights, ops::LossKind loss, bool as_defined,
+                             const ForEach& for_each = one_by_one);
 
 }  // namespace bitr::train
