@@ -1,28 +1,20 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cpu/attend.hpp"
 #include "cpu/kernel.hpp"
 
 namespace bitr::cpu {
 namespace {
 
-// One degree's channels of one head: where they lie in the tensor read and in the tensor written (or the
-// query).
-struct Run {
-  int head, from, to, length;
-};
-
 template <class T>
 class AttendKernel : public Kernel<T> {
  public:
-  explicit AttendKernel(const ops::Attend& op) : op_(op) {
-    for (const auto& [d, m] : op.value_fiber)
-      add_runs(values_, d, m, op.values_fiber.offset(d), op.value_fiber.offset(d));
-    for (const auto& [d, m] : op.key_fiber)
-      add_runs(keys_, d, m, op.keys_fiber.offset(d) + (op.keys_fiber.channels(d) - m) * d.dim(),
-               op.key_fiber.offset(d));
-    scale_ = static_cast<T>(1 / std::sqrt(op.key_fiber.component_count()));
-  }
+  explicit AttendKernel(const ops::Attend& op)
+      : op_(op),
+        values_(head_runs(op.value_fiber, op.values_fiber, op.heads, false)),
+        keys_(head_runs(op.key_fiber, op.keys_fiber, op.heads, true)),
+        scale_(static_cast<T>(1 / std::sqrt(op.key_fiber.component_count()))) {}
 
   void run(const Arguments& args) const override {
     const Slot &values = args.in[0], &keys = args.in[1], &out = args.out[2];
@@ -41,7 +33,7 @@ class AttendKernel : public Kernel<T> {
         softmax(logits, weights, k);
         std::fill_n(sum, out.stride(), T{0});
         for (int j = 0; j < k; ++j)
-          for (const Run& run : values_)
+          for (const HeadRun& run : values_)
             for (int i = 0; i < run.length; ++i)
               sum[run.to + i] +=
                   weights[j * heads + run.head] * values.as<T>()[(row * k + j) * values.width + run.from + i];
@@ -50,13 +42,8 @@ class AttendKernel : public Kernel<T> {
   }
 
  private:
-  void add_runs(std::vector<Run>& runs, irreps::Degree d, int channels, int from, int to) const {
-    const int length = channels / op_.heads * d.dim();
-    for (int h = 0; h < op_.heads; ++h) runs.push_back({h, from + h * length, to + h * length, length});
-  }
-
   void score(const T* key, const T* query, T* logits) const {
-    for (const Run& run : keys_)
+    for (const HeadRun& run : keys_)
       for (int i = 0; i < run.length; ++i) logits[run.head] += key[run.from + i] * query[run.to + i] * scale_;
   }
 
@@ -71,8 +58,8 @@ class AttendKernel : public Kernel<T> {
   }
 
   const ops::Attend op_;
-  std::vector<Run> values_, keys_;
-  T scale_;
+  const std::vector<HeadRun> values_, keys_;
+  const T scale_;
 };
 
 }  // namespace

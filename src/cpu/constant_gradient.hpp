@@ -25,4 +25,21 @@ void add_constants(Operation& sum, Operation& part) {
     for (std::size_t i = 0; i < to[s].size(); ++i) to[s][i] += from[s][i];
 }
 
+/// The gradient of an operation's constants: the sum over rows, of fixed pieces of at least `least` rows,
+/// each with a place of its own, in order. body(begin, end, part) adds rows [begin, end) to `part`.
+template <class Operation, class Body>
+Operation sum_constants(const Arguments& args, const Operation& op, std::size_t rows, std::size_t least,
+                        Body body) {
+  constexpr std::size_t most_pieces = 16;  // bounds the memory
+  const std::size_t piece = std::max(least, (rows + most_pieces - 1) / most_pieces);
+  Operation sum = ops::zeros_like(op);
+  std::vector<Operation> parts;
+  for (std::size_t begin = 0; begin < rows; begin += piece) parts.push_back(ops::zeros_like(op));
+  args.pool.parallel_for(parts.size(), 1, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) body(i * piece, std::min(rows, (i + 1) * piece), parts[i]);
+  });
+  for (Operation& part : parts) add_constants(sum, part);
+  return sum;
+}
+
 }  // namespace bitr::cpu

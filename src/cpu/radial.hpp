@@ -14,10 +14,16 @@ class Radial {
   explicit Radial(const ops::RadialNetwork& network);
   /// lengths: inputs × E (a column per edge); returns outputs × E.
   Matrix evaluate(const Matrix& lengths) const;
+  /// From the gradient of the outputs: that of the lengths. That of the parameters is added to `parameters`,
+  /// of the network's shape.
+  Matrix gradient(const Matrix& lengths, const Matrix& d_out, ops::RadialNetwork& parameters) const;
 
  private:
   using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
   static void activate(Matrix& hidden, const Vector& gain, const Vector& bias, T eps);
+  /// hidden: what activate() read; d: the gradient of what it made, becomes that of what it read.
+  static void activate_gradient(const Matrix& hidden, const Vector& gain, const Vector& bias, T eps,
+                                Matrix& d, Eigen::VectorXd& d_gain, Eigen::VectorXd& d_bias);
 
   int scale_degree_;
   T eps_;
@@ -30,5 +36,12 @@ class Radial {
 template <class T>
 typename Radial<T>::Matrix evaluate_block(const ops::RadialBlock& block, const Radial<T>& network,
                                           const typename Radial<T>::Matrix& lengths);
+
+/// From the gradient of what evaluate_block() returns: adds to those of the lengths and of the network's
+/// parameters.
+template <class T>
+void add_block_gradient(const ops::RadialBlock& block, const Radial<T>& network,
+                        const typename Radial<T>::Matrix& lengths, const typename Radial<T>::Matrix& d_out,
+                        typename Radial<T>::Matrix& d_lengths, ops::RadialNetwork& parameters);
 
 }  // namespace bitr::cpu

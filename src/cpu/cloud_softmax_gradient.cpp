@@ -1,0 +1,62 @@
+#include <algorithm>
+
+#include "cpu/cloud_chunks.hpp"
+
+namespace bitr::cpu {
+namespace {
+
+template <class T>
+class CloudSoftmaxGradient : public Kernel<T> {
+ public:
+  explicit CloudSoftmaxGradient(const ops::Gradient<ops::CloudSoftmax>& op)
+      : op_(op), channels_(op.op.channels) {}
+
+  void run(const Arguments& args) const override {
+    const GradientSlots<ops::CloudSoftmax> slots{op_, args};
+    const Slot *given = slots.given(0), *wanted = slots.wanted(0);
+    if (!wanted) return;
+    const auto chunks = cloud_chunks(args.layout);
+    // Σ w g of every chunk, then of its cloud.
+    Eigen::ArrayXXd parts = Eigen::ArrayXXd::Zero(channels_, chunks.size());
+    Eigen::ArrayXXd means = Eigen::ArrayXXd::Zero(channels_, args.layout.clouds());
+    if (given) {
+      args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i)
+          for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row)
+            parts.col(i) += load(slots.out(0), row) * load(*given, row);
+      });
+      for (std::size_t i = 0; i < chunks.size(); ++i) means.col(chunks[i].cloud) += parts.col(i);
+    }
+    args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i)
+        for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row) {
+          T* to = wanted->as<T>() + row * wanted->stride();
+          std::fill_n(to, wanted->stride(), T{0});
+          if (given)
+            Eigen::Map<Eigen::Array<T, Eigen::Dynamic, 1>>(to, channels_) =
+                (load(slots.out(0), row) * (load(*given, row) - means.col(chunks[i].cloud)))
+                    .template cast<T>();
+        }
+    });
+  }
+
+ private:
+  Eigen::ArrayXd load(const Slot& slot, std::size_t row) const {
+    return Eigen::Map<const Eigen::Array<T, Eigen::Dynamic, 1>>(slot.as<T>() + row * slot.stride(), channels_)
+        .template cast<double>();
+  }
+
+  const ops::Gradient<ops::CloudSoftmax> op_;
+  const int channels_;
+};
+
+}  // namespace
+
+template <class T>
+KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op) {
+  return std::make_unique<CloudSoftmaxGradient<T>>(op);
+}
+template KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudSoftmax>&);
+template KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudSoftmax>&);
+
+}  // namespace bitr::cpu
