@@ -45,7 +45,8 @@ struct ValidationOptions {
   std::size_t every = 500;   ///< steps; 0: never
   std::size_t samples = 64;  ///< of each part
   std::uint64_t seed = 1;
-  std::vector<DataPart> parts = {};  ///< those of the training data if there are none
+  std::vector<DataPart> parts = {};  ///< those of the training data if there are none; of files that are
+                                     ///< not trained on, all are used
   std::size_t patience = 0;          ///< stop after so many in a row that were no better; 0: do not
 };
 
@@ -133,8 +134,8 @@ struct TrainProgress {
   double lr = 0, gradient_norm = 0;                            ///< before it was limited
   std::size_t skipped_steps = 0;    ///< whose gradient was not finite, since the run's beginning
   std::size_t skipped_samples = 0;  ///< that could not be drawn or used, since the run's beginning
-  double pairs_per_second = 0;      ///< lately, validation and waiting for data included
-  double seconds_left = 0;          ///< to the last step or the time limit, at that rate
+  double pairs_per_second = 0;      ///< lately, waiting for data included
+  double seconds_left = 0;          ///< to the last step or the time limit, as it went so far
   const ValidationResult* validation = nullptr;  ///< the one just made, if any
 };
 

@@ -14,13 +14,14 @@ struct Line {
   std::vector<std::pair<double, double>> points;  ///< step, value; both above 0
 };
 
+constexpr std::size_t few = 60;  // so many points of a line are shown one by one
 constexpr const char* colours[] = {"#1f6fb4", "#d1495b", "#2e8b57", "#8e5ea2",
                                    "#e08e0b", "#17a2a2", "#7a5230", "#555555"};
-constexpr double left = 70, width = 640, height = 220, gap = 70, legend = 220;
+constexpr double left = 70, width = 640, height = 220, gap = 70, legend = 300;
 
-std::string number(double value) {
+std::string number(double value, const char* format = "%.4g") {
   char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
+  std::snprintf(text, sizeof text, format, value);
   return text;
 }
 
@@ -122,17 +123,22 @@ std::string panel(double top, const std::string& title, const std::vector<Line>&
   svg += text_at(left + width / 2, top + height + 32, "step", "middle");
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const std::string colour = colours[i % std::size(colours)];
-    std::string places;
-    for (const auto& [step, value] : thinned(lines[i].points))
-      places += number(x.at(step)) + "," + number(y.at(value)) + " ";
+    std::string places, dots;
+    const auto points = thinned(lines[i].points);
+    for (const auto& [step, value] : points) {
+      const std::string px = number(x.at(step)), py = number(y.at(value));
+      places += px + "," + py + " ";
+      if (points.size() <= few)
+        dots += "<circle cx=\"" + px + "\" cy=\"" + py + "\" r=\"2.5\" fill=\"" + colour + "\"/>\n";
+    }
     svg += "<polyline fill=\"none\" stroke=\"" + colour + "\" stroke-width=\"1.5\" points=\"" + places +
-           "\"/>\n";
+           "\"/>\n" + dots;
     const double row = top + 14 + 18 * static_cast<double>(i);
     svg += "<rect x=\"" + number(left + width + 14) + "\" y=\"" + number(row - 8) +
            "\" width=\"14\" height=\"4\" fill=\"" + colour + "\"/>\n" +
            text_at(left + width + 34, row, lines[i].name, "start");
     if (!lines[i].points.empty())
-      svg += text_at(left + width + 14 + legend, row, number(lines[i].points.back().second), "end");
+      svg += text_at(left + width + 14 + legend, row, number(lines[i].points.back().second, "%.3g"), "end");
   }
   return svg;
 }

@@ -1,21 +1,21 @@
 #include "train/optimizer.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 namespace bitr::train {
 
 double limit_gradient(std::span<double> gradient, const OptimizerOptions& options) {
-  double before = 0, after = 0;
-  for (double& g : gradient) {
-    before += g * g;
-    if (options.clip_value > 0) g = std::clamp(g, -options.clip_value, options.clip_value);
-    after += g * g;
+  Eigen::Map<Eigen::ArrayXd> g(gradient.data(), static_cast<Eigen::Index>(gradient.size()));
+  const double before = std::sqrt(g.square().sum());
+  double norm = before;
+  if (options.clip_value > 0) {
+    g = g.min(options.clip_value).max(-options.clip_value);
+    norm = std::sqrt(g.square().sum());
   }
-  const double norm = std::sqrt(after);
-  if (options.clip_norm > 0 && norm > options.clip_norm)
-    for (double& g : gradient) g *= options.clip_norm / norm;
-  return std::sqrt(before);
+  if (options.clip_norm > 0 && norm > options.clip_norm) g *= options.clip_norm / norm;
+  return before;
 }
 
 void adam(std::span<double> weights, std::span<const double> gradient, AdamState& state, double lr,

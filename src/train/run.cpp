@@ -100,6 +100,7 @@ class Run {
       if (options_.validation.patience > 0 && state.validations_since_best >= options_.validation.patience)
         return TrainEnd::early;
       const StepReport report = trainer_.step();
+      measure(seconds_since(lap));
       window_.add(report);
       if (state.step % options_.log_every == 0) window_.write_to(*metrics_, trainer_, report);
       const auto validation = validate_if_due();
@@ -108,7 +109,7 @@ class Run {
       const double seconds = seconds_since(lap);
       lap = Clock::now();
       trainer_.state().seconds += seconds;
-      measure(seconds);
+      spent_ += seconds;
       if (callbacks.progress) callbacks.progress(progress(report, validation, seconds_since(begin)));
       if (options_.minutes > 0 && seconds_since(begin) >= 60 * options_.minutes) return TrainEnd::time_limit;
       if (callbacks.stop && callbacks.stop()) return TrainEnd::stopped;
@@ -194,7 +195,7 @@ class Run {
   TrainProgress progress(const StepReport& report, const std::optional<ValidationResult>& validation,
                          double since_begin) const {
     const TrainState& state = trainer_.state();
-    double left = step_seconds_ * static_cast<double>(options_.steps - state.step);
+    double left = spent_ / static_cast<double>(measured_) * static_cast<double>(options_.steps - state.step);
     if (options_.minutes > 0) left = std::min(left, std::max(60 * options_.minutes - since_begin, 0.0));
     return {.step = static_cast<std::size_t>(state.step),
             .steps = options_.steps,
@@ -220,7 +221,8 @@ class Run {
   Window window_;
   Clock::time_point saved_ = Clock::now();
   std::uint64_t saved_step_, measured_ = 0;
-  double step_seconds_ = 0;
+  double step_seconds_ = 0;  // lately
+  double spent_ = 0;         // by all steps here, with what came after them
 };
 
 }  // namespace
@@ -254,7 +256,12 @@ TrainSummary run(const Device& device, TrainOptions options, const TrainFiles& f
   const DataSet data = open_data(options, Split::train, options.data.parts, 0, options.seed);
   const unsigned threads = options.data_threads ? options.data_threads : std::max(1u, device.threads() / 2);
   std::optional<TrainState> state;
-  if (checkpoint) state = std::move(checkpoint->state);
+  if (checkpoint) {
+    state = std::move(checkpoint->state);
+    if (state->position.fingerprint != data.fingerprint())
+      throw Failure(ErrorCode::invalid_argument,
+                    file + ": is of a run with other data; give its own, or start another run with --init");
+  }
   Trainer trainer(options, weights, make(weights), data, threads, std::move(state));
   const auto first_step = static_cast<std::size_t>(trainer.state().step);
   Run running(device, trainer.options(), files, trainer);

@@ -39,6 +39,8 @@ void walk(Walker& w, DataPart& part) {
   w.count("shapes", part.shapes, 1, 10'000'000);
   w.count("first_seed", part.first_seed, 0, std::numeric_limits<std::uint64_t>::max());
   w.path("folder", part.folder);
+  w.count("pool", part.pool, 0, 1'000'000);
+  w.count("breaks", part.breaks, 1, 1000);
   w.word("protocol", part.protocol, protocol_words());
   w.range("share", part.share_low, part.share_high, 1e-6, 1);
   w.number("weight", part.weight, 1e-9, 1e9);

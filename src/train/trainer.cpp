@@ -1,5 +1,6 @@
 #include "train/trainer.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -24,7 +25,17 @@ T value_or_throw(Result<T> result) {
   return std::move(*result);
 }
 
+// Files that are only validated on are not divided.
+bool own_files(const TrainOptions& options, const std::vector<DataPart>& parts) {
+  return std::none_of(parts.begin(), parts.end(), [&](const DataPart& part) {
+    return !part.kind.empty() ||
+           std::any_of(options.data.parts.begin(), options.data.parts.end(),
+                       [&](const DataPart& other) { return other.folder == part.folder; });
+  });
+}
+
 Split split_of(const TrainOptions& options, Split wanted, const DataOptions& data) {
+  if (wanted == Split::validation && own_files(options, data.parts)) return Split::all;
   if (options.split == ShapeSplit::none) return Split::all;
   if (options.split == ShapeSplit::shapes) return wanted;
   DataOptions all = data;
