@@ -121,14 +121,16 @@ class Run {
   void save() {
     const TrainState& state = trainer_.state();
     const std::vector<std::byte> model = serialize_model({});
+    write(files_.checkpoint(), serialize(Checkpoint{options_, state}));
     write(files_.last(), model);
     if (!state.best_score) write(files_.model, model);
-    write(files_.checkpoint(), serialize(Checkpoint{options_, state}));
     saved_ = Clock::now();
     saved_step_ = state.step;
+    models_saved_ = true;
   }
 
-  bool saved() const { return saved_step_ == trainer_.state().step; }
+  /// False for a checkpoint from before this process: its models may not have been written.
+  bool saved() const { return models_saved_ && saved_step_ == trainer_.state().step; }
 
  private:
   std::vector<std::byte> serialize_model(const std::optional<ValidationResult>& validation) const {
@@ -221,6 +223,7 @@ class Run {
   Window window_;
   Clock::time_point saved_ = Clock::now();
   std::uint64_t saved_step_, measured_ = 0;
+  bool models_saved_ = false;
   double step_seconds_ = 0;  // lately
   double spent_ = 0;         // by all steps here, with what came after them
 };
@@ -235,6 +238,11 @@ TrainSummary run(const Device& device, TrainOptions options, const TrainFiles& f
   if (checkpoint && !resume)
     throw Failure(ErrorCode::invalid_argument,
                   file + ": a run is there already: go on with it by --resume, or remove the file");
+  std::error_code error;
+  if (!checkpoint && std::filesystem::is_regular_file(files.model, error))
+    throw Failure(ErrorCode::invalid_argument,
+                  files.model.string() + ": a model is there already, and no checkpoint to go on from: " +
+                      "remove it or give another name");
   model::Weights weights;
   if (checkpoint) {
     // The model that the run started from need not be there any more.

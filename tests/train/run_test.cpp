@@ -185,6 +185,26 @@ TEST_F(RunTest, DoesNotReplaceARunUnasked) {
               HasSubstr("a.checkpoint: is of a run with other data"));
 }
 
+TEST_F(RunTest, DoesNotReplaceAModelUnasked) {
+  const TrainOptions options = small_options();
+  train(options, files("a"));
+  std::filesystem::remove(files("a").checkpoint());
+  for (const bool resume : {false, true})
+    EXPECT_THAT(error_of([&] { train(options, files("a"), resume); }).message,
+                HasSubstr("a.safetensors: a model is there already"));
+}
+
+TEST_F(RunTest, ModelsThatTheCheckpointLacksAreMadeAgain) {
+  TrainOptions options = small_options();
+  train(options, files("a"));
+  const auto model = io::read_file(files("a").model).value();
+  std::filesystem::remove(files("a").model);
+  std::filesystem::remove(files("a").last());
+  EXPECT_EQ(train(options, files("a"), true).first_step, 20u);
+  EXPECT_EQ(io::read_file(files("a").model).value(), model);
+  EXPECT_EQ(io::read_file(files("a").last()).value(), model);
+}
+
 TEST_F(RunTest, StartsFromAnotherModelThatNeedNotStay) {
   TrainOptions options = small_options();
   train(options, files("first"));
