@@ -128,8 +128,8 @@ TEST(Train, KilledAtAnyMomentItGoesOnFromACheckpoint) {
     if (!std::filesystem::exists(folder.path("killed.checkpoint"))) continue;
     begun = true;
     EXPECT_TRUE(checkpoint_options(folder.path("killed.checkpoint")));
-    EXPECT_TRUE(load_model(killed));
-    EXPECT_TRUE(load_model(folder.path("killed.last.safetensors")));
+    for (const std::string& model : {killed, folder.path("killed.last.safetensors")})
+      EXPECT_TRUE(!std::filesystem::exists(model) || load_model(model)) << model;
   }
   EXPECT_TRUE(begun);
   const Finished finished = run_command({"train", "--resume", "--out", killed, "--backend", "cpu"});
