@@ -46,6 +46,15 @@ void check_same_run(const TrainOptions& options, const Checkpoint& checkpoint, c
   if (options.seed != checkpoint.options.seed) differs("seed");
 }
 
+/// The shares of its points that a cloud of the part has: all of them where nothing is cropped.
+std::pair<double, double> kept_shares(const DataPart& part) {
+  const bool cropped = part.protocol || part.kind == "aircraft" || part.kind.empty();
+  if (!cropped) return {1, 1};
+  const double low = part.share_low, high = part.share_high;
+  if (part.protocol == Protocol::complement) return {std::min(low, 1 - high), std::max(high, 1 - low)};
+  return {low, high};
+}
+
 /// The loss's terms of the steps since the last line of metrics.
 class Window {
  public:
@@ -138,9 +147,9 @@ class Run {
     const DataOptions& data = options_.data;
     double low = 1, high = 0;
     for (const DataPart& part : data.parts) {
-      const bool cropped = part.protocol || part.kind == "aircraft" || part.kind.empty();
-      low = std::min(low, cropped ? part.share_low : 0.5);
-      high = std::max(high, cropped ? part.share_high : 1);
+      const auto [least, most] = kept_shares(part);
+      low = std::min(low, least);
+      high = std::max(high, most);
     }
     const auto points = [](double share, std::size_t all) {
       return std::to_string(static_cast<std::size_t>(std::lround(share * static_cast<double>(all))));

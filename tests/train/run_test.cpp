@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <bitr/io.hpp>
 #include <csignal>
 #include <fstream>
@@ -84,6 +85,8 @@ TEST_F(RunTest, WritesAModelThatLoadsAndSaysHowItWasMade) {
     const auto& metadata = model->weights().metadata;
     EXPECT_EQ(metadata.at("bitr.points_low"), "40");
     EXPECT_EQ(metadata.at("bitr.points_high"), "60");
+    EXPECT_EQ(metadata.at("bitr.cloud_points_low"), "40");
+    EXPECT_EQ(metadata.at("bitr.cloud_points_high"), "60");
     const auto stored = parse_train_options(metadata.at("bitr.training"), "metadata");
     ASSERT_TRUE(stored) << stored.error().message;
     EXPECT_EQ(to_json(*stored), to_json(options));
@@ -95,6 +98,25 @@ TEST_F(RunTest, WritesAModelThatLoadsAndSaysHowItWasMade) {
   EXPECT_THAT(validations, testing::ElementsAre(8, 16, 20));
   EXPECT_TRUE(std::filesystem::exists(files("a").curves()));
   EXPECT_EQ(count_files(), 5u) << "nothing temporary is left";
+}
+
+TEST_F(RunTest, TellsHowManyPointsACropLeaves) {
+  TrainOptions options = small_options();
+  options.steps = 1;
+  options.data.points_low = 100;
+  options.data.points_high = 200;
+  options.data.parts[0].share_low = 0.4;
+  options.data.parts[0].share_high = 0.7;
+  using Expected = std::array<const char*, 2>;
+  for (const auto& [protocol, expected] :
+       {std::pair{Protocol::opposed, Expected{"40", "140"}}, {Protocol::complement, Expected{"30", "140"}}}) {
+    options.data.parts[0].protocol = protocol;
+    const TrainFiles out = files(std::string(bitr::name(protocol)));
+    train(options, out);
+    const auto metadata = load_model(out.model)->weights().metadata;
+    EXPECT_EQ(metadata.at("bitr.cloud_points_low"), expected[0]);
+    EXPECT_EQ(metadata.at("bitr.cloud_points_high"), expected[1]);
+  }
 }
 
 TEST_F(RunTest, StoppedAndResumedIsTheSame) {
