@@ -5,6 +5,7 @@
 #include "cpu/executor.hpp"
 #include "model/parameter_gradients.hpp"
 #include "train/training_graph.hpp"
+#include "train/vulkan_steps.hpp"
 
 namespace bitr::train {
 namespace {
@@ -15,60 +16,79 @@ PackedBatch packed(const ModelConfig& config, Precision precision, const std::ve
   return std::move(*batch);
 }
 
-// Row-major R, then t, between the clouds' centroids.
-std::array<double, ops::truth_width> truth_between(const Pose& pose, const Vec3d& source,
-                                                   const Vec3d& reference) {
-  std::array<double, ops::truth_width> truth;
-  std::copy(pose.rotation.begin(), pose.rotation.end(), truth.begin());
-  const Vec3d moved = pose.apply(source);
-  for (int a = 0; a < 3; ++a) truth[9 + a] = moved[a] - reference[a];
+// Between the clouds' centroids.
+Truth truth_of(const TrainingPair& pair, const Vec3d& source, const Vec3d& reference) {
+  Truth truth{};
+  auto to = std::copy(pair.T_reference_source.rotation.begin(), pair.T_reference_source.rotation.end(),
+                      truth.begin());
+  const Vec3d moved = pair.T_reference_source.apply(source);
+  for (int a = 0; a < 3; ++a) *to++ = moved[a] - reference[a];
+  to = std::ranges::copy(pair.T_source_object.rotate(pair.symmetry.axis), to).out;
+  for (int a = 0; a < 3; ++a) *to++ = pair.T_source_object.translation[a] - source[a];
+  *to = pair.symmetry.order == 0 ? 0 : 2 * std::numbers::pi / pair.symmetry.order;
   return truth;
 }
 
+// Training graphs on the CPU; as VulkanSteps.
 template <class T>
-class CpuDifferentiator : public Differentiator {
+class CpuSteps {
  public:
-  CpuDifferentiator(Device device, const DifferentiatorOptions& options)
-      : device_(std::move(device)), options_(options) {}
+  explicit CpuSteps(const Device& device) : pool_(device.pool()) {}
+
+  void run(graph::Graph graph, const PackedBatch& batch, std::span<const Truth> truths) {
+    if (executor_)
+      executor_->replace(std::move(graph));
+    else
+      executor_.emplace(std::move(graph), false);
+    executor_->prepare(batch.layout);
+    for_each_input(batch, executor_->graph(),
+                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
+                     copy_rows(rows, shift, 3, executor_->data(id) + 3 * row);
+                   });
+    T* to = executor_->data(executor_->graph().truth);
+    for (const Truth& truth : truths)
+      to = std::transform(truth.begin(), truth.end(), to, [](double x) { return static_cast<T>(x); });
+    executor_->run(pool_);
+  }
+  std::vector<double> numbers(graph::TensorId id) const {
+    const graph::TensorInfo& info = executor_->graph().tensors[id];
+    const T* from = executor_->data(id);
+    return {from, from + executor_->layout().rows(info.rows) * info.per_row * info.width};
+  }
+
+ private:
+  cpu::ThreadPool& pool_;
+  std::optional<cpu::Executor<T>> executor_;
+};
+
+template <class Steps>
+class GraphDifferentiator : public Differentiator {
+ public:
+  GraphDifferentiator(Device device, const DifferentiatorOptions& options)
+      : device_(std::move(device)), options_(options), steps_(device_) {}
 
   LossTerms evaluate(const model::Weights& weights, std::span<const TrainingPair> pairs,
                      Gradients& gradients) override {
     std::vector<CloudPair> clouds;
     for (const TrainingPair& pair : pairs) clouds.push_back({pair.source, pair.reference});
     const PackedBatch batch = packed(weights.config, options_.precision, clouds);
+    std::vector<Truth> truths;
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      truths.push_back(truth_of(pairs[i], batch.centroids[i], batch.centroids[i + pairs.size()]));
 
     TrainingGraph training = training_graph(weights, options_.loss, options_.as_defined, for_each_);
-    graph::Graph& graph = training.result.graph;
-    if (executor_)
-      executor_->replace(graph);
-    else
-      executor_.emplace(graph, false);
-    executor_->prepare(batch.layout);
-    for_each_input(batch, graph,
-                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
-                     copy_rows(rows, shift, 3, executor_->data(id) + 3 * row);
-                   });
-    T* truth = executor_->data(graph.truth);
-    for (std::size_t i = 0; i < pairs.size(); ++i)
-      for (const double value :
-           truth_between(pairs[i].T_reference_source, batch.centroids[i], batch.centroids[i + pairs.size()]))
-        *truth++ = static_cast<T>(value);
-    executor_->run(device_.pool());
-
+    steps_.run(std::move(training.result.graph), batch, truths);
     std::vector<std::vector<double>> constants(training.made.nodes.size());
     for (std::size_t i = 0; i < constants.size(); ++i)
       if (const graph::TensorId id = training.result.constants[i]; id != graph::no_tensor)
-        constants[i].assign(executor_->data(id), executor_->data(id) + graph.tensors[id].width);
+        constants[i] = steps_.numbers(id);
     gradients = model::parameter_gradients(weights, training.whole, training.made, constants, for_each_);
 
-    LossTerms terms;
-    const T* loss = executor_->data(graph.loss);
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      terms.rotation += static_cast<double>(*loss++) / static_cast<double>(pairs.size());
-      terms.translation += static_cast<double>(*loss++) / static_cast<double>(pairs.size());
-      terms.spread += static_cast<double>(*loss++) / static_cast<double>(pairs.size());
-    }
-    return terms;
+    std::array<double, ops::loss_terms> means{};
+    const std::vector<double> loss = steps_.numbers(training.made.loss);
+    for (std::size_t i = 0; i < loss.size(); ++i)
+      means[i % means.size()] += loss[i] / static_cast<double>(pairs.size());
+    return {.rotation = means[0], .translation = means[1], .spread = means[2]};
   }
 
  private:
@@ -79,17 +99,24 @@ class CpuDifferentiator : public Differentiator {
       for (std::size_t i = begin; i < end; ++i) work(i);
     });
   };
-  std::optional<cpu::Executor<T>> executor_;
+  Steps steps_;
 };
 
 }  // namespace
 
 std::unique_ptr<Differentiator> make_differentiator(const Device& device, const model::Weights&,
                                                     const DifferentiatorOptions& options) {
-  if (device.backend() != Backend::cpu)
-    throw Failure(ErrorCode::unsupported, device.name() + ": training runs on the CPU backend only");
-  if (options.precision == Precision::f32) return std::make_unique<CpuDifferentiator<float>>(device, options);
-  return std::make_unique<CpuDifferentiator<double>>(device, options);
+  const bool vulkan = device.backend() == Backend::vulkan;
+  const auto refuse = [&](const char* what) {
+    throw Failure(ErrorCode::unsupported,
+                  std::string(what) + " runs on the CPU only, not on " + device.name() + " through Vulkan");
+  };
+  if (vulkan && options.precision == Precision::f64) refuse("training in precision f64");
+  if (vulkan && options.as_defined) refuse("training of the network as defined, unfolded,");
+  if (vulkan) return std::make_unique<GraphDifferentiator<VulkanSteps>>(device, options);
+  if (options.precision == Precision::f32)
+    return std::make_unique<GraphDifferentiator<CpuSteps<float>>>(device, options);
+  return std::make_unique<GraphDifferentiator<CpuSteps<double>>>(device, options);
 }
 
 }  // namespace bitr::train

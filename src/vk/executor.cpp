@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <set>
+#include <utility>
 
 #include "core/failure.hpp"
 
@@ -74,11 +75,8 @@ void Executor::replace(graph::Graph graph) {
   else
     allocate(1.25);  // they will change again
   upload_constants();
-  if (!prepared_) return;
-  lay_out(layout_);
-  const std::vector<Work> before = std::move(schedule_.works());
-  make_schedule();
-  if (!roomy || schedule_.works() != before) record_all();
+  prepared_ = false;
+  recorded_ = recorded_ && roomy;
 }
 
 void Executor::load(graph::Graph graph) {
@@ -222,8 +220,13 @@ void Executor::prepare(const graph::BatchLayout& layout) {
   if (prepared_ && layout == layout_) return;
   prepared_ = false;
   lay_out(layout);
+  const std::vector<Work> before = std::exchange(schedule_.works(), {});
   make_schedule();
-  record_all();
+  if (!recorded_ || schedule_.works() != before) {
+    recorded_ = false;
+    record_all();
+    recorded_ = true;
+  }
   prepared_ = true;
 }
 

@@ -50,8 +50,8 @@ class Executor {
   std::vector<std::uint32_t> indices(graph::TensorId id) const;
 
   /// Other constants for the same operations, as cpu::Executor has it: `graph` differs in nothing but them
-  /// and in how wide the tensors are that hold their gradients. They go to the device now; what the batch
-  /// that was last prepared needs anew, and no more, is made and recorded again.
+  /// and in how wide the tensors are that hold their gradients. They go to the device now. Before the next
+  /// prepare(), which records again only what they changed the shapes of.
   void replace(graph::Graph graph);
 
   /// Records a whole pass over the host's buffers into the host's command buffer. The executor's memory is in
@@ -109,6 +109,7 @@ class Executor {
   std::size_t table_bytes_ = 0;
   graph::BatchLayout layout_;
   bool prepared_ = false;
+  bool recorded_ = false;  // submissions_ do what schedule_ says
   Tables tables_;
   Range centroids_;  // of host_buffers' clouds, in table_buffer_
   std::vector<Slot> slots_;

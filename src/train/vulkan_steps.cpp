@@ -1,0 +1,41 @@
+#include "train/vulkan_steps.hpp"
+
+#include <algorithm>
+
+namespace bitr::train {
+
+bool VulkanSteps::holds(const graph::BatchLayout& layout) const {
+  return executor_ && layout.pairs() <= pairs_ && layout.rows(graph::Rows::point) <= points_;
+}
+
+void VulkanSteps::run(graph::Graph graph, const PackedBatch& batch, std::span<const Truth> truths) {
+  if (holds(batch.layout)) {
+    executor_->replace(std::move(graph));
+  } else {
+    executor_.reset();
+    pairs_ = std::max<std::size_t>(pairs_, batch.layout.pairs());
+    // Batches of points that vary a little should not have to grow it again and again.
+    points_ = std::max(points_, batch.layout.rows(graph::Rows::point) * 9 / 8);
+    executor_.emplace(context_, std::move(graph), vk::Capacity{pairs_, points_, batch.layout.key_points});
+  }
+  executor_->prepare(batch.layout);
+  constexpr std::size_t stride = vk::padded(3);
+  for_each_input(batch, executor_->graph(),
+                 [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
+                   float* to = executor_->input(id) + stride * row;
+                   std::fill_n(to, stride * rows.count, 0.0F);
+                   copy_rows(rows, shift, stride, to);
+                 });
+  static_assert(vk::padded(ops::truth_width) == ops::truth_width);
+  float* to = executor_->input(executor_->graph().truth);
+  for (const Truth& truth : truths)
+    to = std::transform(truth.begin(), truth.end(), to, [](double x) { return static_cast<float>(x); });
+  executor_->run();
+}
+
+std::vector<double> VulkanSteps::numbers(graph::TensorId id) const {
+  const std::vector<float> single = executor_->real(id);
+  return {single.begin(), single.end()};
+}
+
+}  // namespace bitr::train
