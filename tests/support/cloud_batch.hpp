@@ -53,23 +53,28 @@ struct CloudBatch {
   template <class T>
   void run(cpu::Executor<T>& executor, int key_points, cpu::ThreadPool& pool) const {
     executor.prepare(layout(key_points));
-    const auto fill = [&](graph::TensorId id, auto PointCloud::*rows) {
+    fill(executor);
+    executor.run(pool);
+  }
+  /// The inputs of a prepared executor.
+  template <class T>
+  void fill(cpu::Executor<T>& executor) const {
+    const auto copy = [&](graph::TensorId id, auto PointCloud::*rows) {
       if (id == graph::no_tensor) return;
       T* to = executor.data(id);
       for (const PointCloud& cloud : clouds)
         for (const auto& row : cloud.*rows)
           for (const auto x : row) *to++ = static_cast<T>(x);
     };
-    fill(executor.graph().positions, &PointCloud::positions);
-    fill(executor.graph().normals, &PointCloud::normals);
-    fill(executor.graph().colors, &PointCloud::colors);
+    copy(executor.graph().positions, &PointCloud::positions);
+    copy(executor.graph().normals, &PointCloud::normals);
+    copy(executor.graph().colors, &PointCloud::colors);
     if (executor.graph().offsets != graph::no_tensor) {
       T* to = executor.data(executor.graph().offsets);
       for (const PointCloud& cloud : clouds)
         for (const Vec3d& row : offsets(cloud))
           for (const double x : row) *to++ = static_cast<T>(x);
     }
-    executor.run(pool);
   }
 };
 

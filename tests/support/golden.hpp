@@ -53,10 +53,11 @@ struct GoldenCase {
     const int set = number == 0 ? 0 : (number == 2 || number == 7 || number == 9 ? 2 : 1);
     return "weights_0" + std::to_string(set) + ".safetensors";
   }
-  static GoldenCase load(int number) {
-    GoldenCase golden{number, read_tensors(golden_path(case_file(number))), {}};
-    const std::string file = weights_file(number);
-    auto weights = model::weights_from_tensors(read_tensors(golden_path(file)), {.name = file, .mode = {}});
+  static GoldenCase load(int number) { return load(number, case_file(number)); }
+  static GoldenCase load(int number, const std::string& file) {
+    GoldenCase golden{number, read_tensors(golden_path(file)), {}};
+    const std::string name = weights_file(number);
+    auto weights = model::weights_from_tensors(read_tensors(golden_path(name)), {.name = name, .mode = {}});
     EXPECT_TRUE(weights) << (weights ? "" : weights.error().message);
     golden.weights = std::move(*weights);
     return golden;
@@ -81,15 +82,19 @@ struct GoldenCase {
     return rows;
   }
 
-  /// Lays out the batch, copies the inputs and runs.
+  /// Lays out the batch and copies the inputs.
   template <class T>
-  void run(cpu::Executor<T>& executor, cpu::ThreadPool& pool) const {
+  void fill(cpu::Executor<T>& executor) const {
     executor.prepare(layout());
-    const auto fill = [&](graph::TensorId id, const std::vector<double>& rows) {
+    const auto copy = [&](graph::TensorId id, const std::vector<double>& rows) {
       std::transform(rows.begin(), rows.end(), executor.data(id), [](double x) { return static_cast<T>(x); });
     };
-    fill(executor.graph().positions, both("points"));
-    if (executor.graph().normals != graph::no_tensor) fill(executor.graph().normals, both("normals"));
+    copy(executor.graph().positions, both("points"));
+    if (executor.graph().normals != graph::no_tensor) copy(executor.graph().normals, both("normals"));
+  }
+  template <class T>
+  void run(cpu::Executor<T>& executor, cpu::ThreadPool& pool) const {
+    fill(executor);
     executor.run(pool);
   }
 };
