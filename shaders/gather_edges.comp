@@ -1,14 +1,14 @@
 // gather_edges.comp: what a row's own record holds for it, and what the edges from it send, summed in the order of the
-// edges. An invocation per row and four columns.
+// edges; or what the edges to it get less what those from it send. An invocation per row and four columns.
 // in  0 begins u32[P]      where a row's edges begin in list[]
 // in  1 counts u32[P]
 // in  2 list   u32[Q·K]
-// in  3 edges  f32[E,F]    from first_edge on
+// in  3 edges  f32[E,4·EDGE] from first_edge on
 // in  4 record f32[Q,4·RECORD] from first_row on
 // in  5 tiles  u32[tiles,4]
 // out 6 result f32[P,F]
-// spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS | grid (tiles, QUADS) | shared 0 KiB
-// loops ≤ edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS  5 EDGE  6 AT  7 K≤64 | grid (tiles, QUADS) | shared 0 KiB
+// loops ≤ K + edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
@@ -18,8 +18,11 @@ layout(constant_id = 1) const uint QUADS = 4;   // vec4s of a row
 layout(constant_id = 2) const uint RECORD = 64; // of a record
 layout(constant_id = 3) const uint OWN = 0;     // where the row's own part begins in it
 layout(constant_id = 4) const uint FLAGS = 3;
+layout(constant_id = 5) const uint EDGE = 4;     // vec4s of an edge
+layout(constant_id = 6) const uint AT = 0;       // where the columns begin in them
+layout(constant_id = 7) const uint K = 24;
 
-const bool HAS_OWN = (FLAGS & 1u) != 0u, HAS_EDGES = (FLAGS & 2u) != 0u;
+const bool HAS_OWN = (FLAGS & 1u) != 0u, HAS_EDGES = (FLAGS & 2u) != 0u, BOTH_ENDS = (FLAGS & 4u) != 0u;
 
 layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
 layout(set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
@@ -37,7 +40,11 @@ void main() {
   if (HAS_OWN) sum = record[(row - p.first_row) * RECORD + OWN + quad];
   if (HAS_EDGES) {
     const uint begin = begins[row], end = begin + counts[row];
-    for (uint i = begin; i < end; ++i) sum += edges[(list[i] - p.first_edge) * QUADS + quad];
+    for (uint i = begin; i < end; ++i) sum += edges[(list[i] - p.first_edge) * EDGE + AT + quad];
+  }
+  if (BOTH_ENDS) {
+    sum = -sum;
+    for (uint j = 0; j < K; ++j) sum += edges[(row * K + j - p.first_edge) * EDGE + AT + quad];
   }
   if (tile.y + gl_LocalInvocationID.x < tile.z) result[row * QUADS + quad] = sum;
 }

@@ -2,8 +2,8 @@
 // put in the order of a result; an invocation per number.
 // in  0 partials f32[tiles,jobs,16]
 // in  1 tiles    u32[tiles,4]
-// in  2 places   u32[R]      of each number within a tile's partial sums, or NONE
-// out 3 result   f32[S,R]    padded to R
+// in  2 places   u32[NUMBERS] of each number within a tile's partial sums, or NONE
+// out 3 result   f32[S,R]    NUMBERS of each row, or of one row from `begin` on
 // spec 0 WORKGROUP=32  1 NUMBERS  2 SEGMENTED | grid (ceil(NUMBERS / WORKGROUP), segments) | shared 0 KiB
 // loops ≤ tiles + 40 < 65535, as src/vk/outer_sums.cpp sees to | error: 1e-5 of the largest entry | fp32
 #version 450
@@ -41,5 +41,5 @@ void main() {
   float sum = 0.0;
   if (place != NONE)
     for (uint t = first; t < end; ++t) sum += partials[t * p.jobs * 16u + place];
-  if (number < NUMBERS) result[segment * NUMBERS + number] = sum;
+  if (number < NUMBERS) result[p.begin + segment * NUMBERS + number] = sum;
 }

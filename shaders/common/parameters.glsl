@@ -87,6 +87,15 @@ struct OuterTotalParameters {
   uint tiles;
   uint jobs;
   uint first_segment;
+  uint begin;  // of the first number in the result
+};
+
+// A run of edges of the two-sided graph, where a layer's gradient is made.
+struct PairGradientParameters {
+  uint first_node;
+  uint edges;
+  uint first_block;  // of the parts of the kernel that a dispatch takes
+  uint add;          // 1: to what earlier runs left
 };
 
 // Kernels with a work group per cloud or pair that reads its key points.

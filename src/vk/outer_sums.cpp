@@ -43,7 +43,7 @@ void OuterSums::add(const RecordVectors& left, const RecordVectors& right, std::
 
 std::vector<std::uint32_t> OuterSums::places() const {
   std::vector<std::uint32_t> all = places_;
-  all.resize(padded(static_cast<int>(all.size())), no_place);
+  all.resize(padded(static_cast<int>(begin_ + all.size())) - begin_, no_place);
   return all;
 }
 
@@ -81,7 +81,7 @@ void OuterSums::record_totals(const Arguments& args, const Memory& memory, const
   const std::uint32_t rows = segmented_ ? segments : 1, tiles = number(table.host_tiles.size());
   for (std::uint32_t first = 0; first < rows; first += capabilities_->groups)
     args.schedule.dispatch(*totals_, {memory.partials, table.tiles, memory.places, result},
-                           OuterTotalParameters{tiles, job_count(), first},
+                           OuterTotalParameters{tiles, job_count(), first, begin_},
                            {groups, std::min(rows - first, capabilities_->groups), 1},
                            10.0 * tiles * work_group * groups);
 }

@@ -20,8 +20,10 @@ class OuterSums {
   bool empty() const { return jobs_.empty(); }
 
   const std::vector<std::uint32_t>& jobs() const { return jobs_; }
-  /// Padded to a row of the result.
+  /// Padded so that a row of the result ends with them.
   std::vector<std::uint32_t> places() const;
+  /// Where the first matrix begins in a result that others begin.
+  void begin_at(std::uint32_t begin) { begin_ = begin; }
 
   /// `record`: vec4s of one; `flag`: where its flag is. `segmented`: a row per segment, not one for all.
   void make_pipelines(const Context& context, std::uint32_t record, std::uint32_t flag, bool segmented);
@@ -42,6 +44,7 @@ class OuterSums {
   std::vector<std::uint32_t> jobs_, places_;
   const Capabilities* capabilities_ = nullptr;
   bool segmented_ = false;
+  std::uint32_t begin_ = 0;
   const Pipeline *sums_ = nullptr, *totals_ = nullptr;
 };
 

@@ -201,23 +201,23 @@ class PointGradientKernel : public Kernel {
         (slots_.constant ? constant_feature : 0u) | (slots_.d_features >= 0 ? wants_features : 0u) |
         (slots_.d_centres >= 0 ? wants_centres : 0u);
     for (const bool zero : {false, true}) {
-      const std::array sizes{tile_rows,
-                             k_,
-                             number(op.c0),
-                             number(op.c1),
-                             number(op.m0),
-                             number(op.m1),
-                             number(op.heads),
-                             flags | (zero ? zero_edges : 0u),
-                             static_cast<std::uint32_t>(weights_.bytes / 16)};
+      const auto sizes = std::array{tile_rows,
+                                    k_,
+                                    number(op.c0),
+                                    number(op.c1),
+                                    number(op.m0),
+                                    number(op.m1),
+                                    number(op.heads),
+                                    flags | (zero ? zero_edges : 0u),
+                                    static_cast<std::uint32_t>(weights_.bytes / 16)};
       sum_pipelines_[zero] = &context.pipeline(sum_shader, sizes);
       gradient_pipelines_[zero] = &context.pipeline(gradient_shader, sizes);
     }
     if (!products_.empty())
       products_.make_pipelines(context, layout_.size, layout_.state, slots_.d_coefficients >= 0);
     if (slots_.d_features >= 0)
-      features_.emplace(context,
-                        EdgeGather::Shape{feature_width(), layout_.size, layout_.own, !op.uniform, true});
+      features_.emplace(context, EdgeGather::Shape{feature_width(), layout_.size, layout_.own, !op.uniform,
+                                                   true, feature_width() / 4});
     if (slots_.d_centres >= 0)
       centres_.emplace(context, EdgeGather::Shape{4, layout_.size, layout_.centre, true, false});
   }

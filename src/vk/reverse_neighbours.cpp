@@ -31,7 +31,7 @@ constexpr Shader fill_shader{"reverse_neighbours_fill", spirv::reverse_neighbour
 constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbours_sort, sort_bindings,
                              sizeof(EdgeParameters), 1};
 constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
-                               5};
+                               8};
 
 constexpr std::uint32_t work_group = 128;
 
@@ -91,7 +91,9 @@ EdgeGather::EdgeGather(const Context& context, const Shape& shape)
     : shape_(shape),
       pipeline_(&context.pipeline(gather_shader,
                                   std::array{tile_rows, shape.width / 4, shape.record, shape.own,
-                                             (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u)})) {}
+                                             (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) |
+                                                 (shape.both_ends > 0 ? 4u : 0u),
+                                             shape.edge, shape.at, shape.both_ends})) {}
 
 void EdgeGather::record(const Arguments& args, const Run& run, const EdgeLists& lists, const Range& edges,
                         const Range& record, const RowTable& table, const Range& result) const {

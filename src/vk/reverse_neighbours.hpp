@@ -30,9 +30,11 @@ class ReverseNeighbours {
 class EdgeGather {
  public:
   struct Shape {
-    std::uint32_t width = 4;            ///< numbers of a row and of an edge, a multiple of 4
+    std::uint32_t width = 4;            ///< numbers of a row, a multiple of 4
     std::uint32_t record = 1, own = 0;  ///< vec4s of a record; where the row's part begins in it
     bool has_own = true, has_edges = true;
+    std::uint32_t edge = 1, at = 0;  ///< vec4s of an edge; where the row's part begins in it
+    std::uint32_t both_ends = 0;     ///< not 0: edges of a row, whose part counts for it, not against it
   };
   /// What of a kernel's memory a run of tiles meets.
   struct Run {

@@ -94,10 +94,11 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     if (gradient.constants)
       outputs.push_back({graph::Rows::one, 1, static_cast<int>(ops::constant_count(op)), false, {}, {}});
     const auto exact = test::run_op<double>(gradient, layout_, inputs, outputs, pool_);
+    const auto single = test::run_op<float>(gradient, layout_, inputs, outputs, pool_);
     const auto device = test::run_op_vulkan(gradient, layout_, inputs, outputs);
     for (std::size_t i = 0; i < device.size(); ++i) {
       SCOPED_TRACE(i < gradient.wanted.size() ? "input " + std::to_string(gradient.wanted[i]) : "constants");
-      compare(device[i].values, exact[i].values);
+      compare(device[i].values, exact[i].values, single[i].values);
     }
   }
 
@@ -120,18 +121,22 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     return tensor;
   }
 
-  void compare(const std::vector<double>& single, const std::vector<double>& exact) {
-    ASSERT_EQ(single.size(), exact.size());
+  // Gradients jump where a kernel has a kink, as between the sectors of a radial table: there the CPU in
+  // single precision may stand on the same side.
+  void compare(const std::vector<double>& device, const std::vector<double>& exact,
+               const std::vector<double>& single) {
+    ASSERT_EQ(device.size(), exact.size());
     double worst = 0, largest = 0;
     std::size_t where = 0;
     for (std::size_t i = 0; i < exact.size(); ++i) {
-      ASSERT_TRUE(std::isfinite(single[i]) && std::isfinite(exact[i])) << "element " << i;
-      if (std::abs(single[i] - exact[i]) > worst) where = i;
-      worst = std::max(worst, std::abs(single[i] - exact[i]));
+      ASSERT_TRUE(std::isfinite(device[i]) && std::isfinite(exact[i])) << "element " << i;
+      const double error = std::min(std::abs(device[i] - exact[i]), std::abs(device[i] - single[i]));
+      if (error > worst) where = i;
+      worst = std::max(worst, error);
       largest = std::max(largest, std::abs(exact[i]));
     }
     EXPECT_LE(worst, bound * largest)
-        << "element " << where << " of " << exact.size() << ": " << single[where] << ", not " << exact[where];
+        << "element " << where << " of " << exact.size() << ": " << device[where] << ", not " << exact[where];
     if (largest > 0) worst_ = std::max(worst_, worst / largest);
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }
@@ -145,6 +150,8 @@ class AttentionGradient : public testing::TestWithParam<Case> {
 };
 
 TEST_P(AttentionGradient, PointAttention) { check<ops::PointAttention>(); }
+TEST_P(AttentionGradient, MeanDirection) { check<ops::MeanDirection>(); }
+TEST_P(AttentionGradient, PairAttention) { check<ops::PairAttention>(); }
 
 INSTANTIATE_TEST_SUITE_P(Cases, AttentionGradient, testing::ValuesIn(cases()),
                          [](const auto& c) { return c.param.name; });

@@ -1,0 +1,55 @@
+// pair_gradient_forms.comp: the gradients of the quadratic forms of a radial table, summed over edges in their order: of
+// the second variance's, an invocation per sector; of the first one's, one more.
+// in  0 begins   u32[TABLES,SECTORS+1] of a sector's edges in its table's list
+// in  1 lists    u32[TABLES,E]
+// in  2 factors  f32[TABLES+1,E,4]     of the columns; the lengths
+// in  3 d_radial f32[TABLES,E,4]       the last two: gradients of the second and of the first variance
+// con 4 heads    u32[TABLES,12]        common/pair_tables.glsl
+// con 5 tables   u32[TABLES,8]         first number in the result, sectors, numbers of a sector, columns; coefficients
+// mod 6 result   f32[R]                ops/constants.hpp
+// spec 0 WORKGROUP=32  1 SECTORS  2 TABLES | grid (ceil((SECTORS + 1) / WORKGROUP), TABLES) | shared 0 KiB
+// loops ≤ E < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+#version 450
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_GOOGLE_include_directive : require
+#include "common/parameters.glsl"
+
+layout(local_size_x_id = 0) in;
+layout(constant_id = 1) const uint SECTORS = 64;
+layout(constant_id = 2) const uint TABLES = 20;
+layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
+layout(set = 0, binding = 1) readonly buffer Lists { uint lists[]; };
+layout(set = 0, binding = 2) readonly buffer Factors { vec4 factors[]; };
+layout(set = 0, binding = 3) readonly buffer DRadial { vec4 d_radial[]; };
+layout(set = 0, binding = 4) uniform Heads { uvec4 heads[3 * TABLES]; };
+layout(set = 0, binding = 5) uniform Tables { uvec4 tables[2 * TABLES]; };
+layout(set = 0, binding = 6) buffer Result { float result[]; };
+layout(push_constant) uniform Push { PairGradientParameters p; };
+
+const uint SWAPPED = 1u, DEGREE1 = 2u;
+
+void main() {
+  const uint number = gl_GlobalInvocationID.x, table = gl_WorkGroupID.y;
+  const uvec4 sizes = tables[2u * table], head = heads[3u * table];
+  const bool first_form = number == sizes.y, inside = number <= sizes.y && (head.w & DEGREE1) == 0u;
+  const uint at = table * (SECTORS + 1u) + min(number, SECTORS - 1u);
+  const uint begin = first_form ? 0u : begins[at], end = !inside ? begin : first_form ? p.edges : begins[at + 1u];
+  float sum[6];
+  [[unroll]] for (int i = 0; i < 6; ++i) sum[i] = 0.0;
+  for (uint i = begin; i < end; ++i) {
+    const uint edge = first_form ? i : lists[table * p.edges + i];
+    const vec4 x = factors[table * p.edges + edge];
+    const vec2 lengths = factors[TABLES * p.edges + edge].xy, d = d_radial[table * p.edges + edge].zw;
+    const vec2 u = first_form ? ((head.w & SWAPPED) != 0u ? lengths.yx : lengths) : x.w > 0.0 ? x.xy / x.z : vec2(0);
+    const float g = first_form ? d.y : d.x;
+    sum[0] += g * u.x * u.x;
+    sum[1] += g * u.x * u.y;
+    sum[2] += g * u.y * u.y;
+    sum[3] += g * u.x;
+    sum[4] += g * u.y;
+    sum[5] += g;
+  }
+  const uint to = sizes.x + (first_form ? sizes.y * sizes.z : number * sizes.z + 4u * tables[2u * table + 1u].x);
+  [[unroll]] for (int i = 0; i < 6; ++i)
+    if (inside && (!first_form || i < 3)) result[to + i] = sum[i] + (p.add > 0u ? result[to + i] : 0.0);
+}

@@ -1,0 +1,18 @@
+#include "core/failure.hpp"
+#include "vk/point_attention_gradient.hpp"
+
+namespace bitr::vk {
+
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::MeanDirection>& op) {
+  if (!op.wanted.empty())
+    throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");
+  return make_point_gradient(site, op.op.general,
+                             {.index = 1,
+                              .centres = 0,
+                              .neighbours = 0,
+                              .given = op.given_at(0),
+                              .d_constants = op.constants_at(),
+                              .constant = op.op.constant});
+}
+
+}  // namespace bitr::vk

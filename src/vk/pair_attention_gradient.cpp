@@ -1,0 +1,438 @@
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "core/failure.hpp"
+#include "pair_attention_gradient.spv.hpp"
+#include "pair_gradient_edges.spv.hpp"
+#include "pair_gradient_forms.spv.hpp"
+#include "pair_gradient_kernels.spv.hpp"
+#include "pair_gradient_lists.spv.hpp"
+#include "pair_gradient_sums.spv.hpp"
+#include "pair_gradient_tables.spv.hpp"
+#include "pair_gradient_turn.spv.hpp"
+#include "vk/outer_sums.hpp"
+#include "vk/pair_messages.hpp"
+#include "vk/reverse_neighbours.hpp"
+
+namespace bitr::vk {
+namespace {
+
+constexpr Access node_bindings[] = {Access::read, Access::read,  Access::read,
+                                    Access::read, Access::write, Access::write};
+constexpr Access turn_bindings[] = {Access::read, Access::read,  Access::read,
+                                    Access::read, Access::write, Access::write};
+constexpr Access table_bindings[] = {Access::read, Access::read,  Access::constant, Access::read,
+                                     Access::read, Access::write, Access::write};
+constexpr Access kernel_bindings[] = {Access::read,  Access::read,     Access::read,     Access::read,
+                                      Access::read,  Access::constant, Access::constant, Access::write,
+                                      Access::write, Access::write};
+constexpr Access edge_bindings[] = {Access::read, Access::read, Access::read,     Access::read, Access::read,
+                                    Access::read, Access::read, Access::constant, Access::write};
+constexpr Access list_bindings[] = {Access::read, Access::write, Access::write};
+constexpr Access sum_bindings[] = {Access::read, Access::read,     Access::read,
+                                   Access::read, Access::constant, Access::modify};
+constexpr Access form_bindings[] = {Access::read,     Access::read,     Access::read,  Access::read,
+                                    Access::constant, Access::constant, Access::modify};
+constexpr Shader node_shader{"pair_attention_gradient", spirv::pair_attention_gradient, node_bindings,
+                             sizeof(PairParameters), 24};
+constexpr Shader turn_shader{"pair_gradient_turn", spirv::pair_gradient_turn, turn_bindings,
+                             sizeof(PairGradientParameters), 17};
+constexpr Shader table_shader{"pair_gradient_tables", spirv::pair_gradient_tables, table_bindings,
+                              sizeof(PairGradientParameters), 17};
+constexpr Shader kernel_shader{"pair_gradient_kernels", spirv::pair_gradient_kernels, kernel_bindings,
+                               sizeof(PairGradientParameters), 20};
+constexpr Shader edge_shader{"pair_gradient_edges", spirv::pair_gradient_edges, edge_bindings,
+                             sizeof(PairGradientParameters), 17};
+constexpr Shader list_shader{"pair_gradient_lists", spirv::pair_gradient_lists, list_bindings,
+                             sizeof(PairGradientParameters), 2};
+constexpr Shader sum_shader{"pair_gradient_sums", spirv::pair_gradient_sums, sum_bindings,
+                            sizeof(PairGradientParameters), 5};
+constexpr Shader form_shader{"pair_gradient_forms", spirv::pair_gradient_forms, form_bindings,
+                             sizeof(PairGradientParameters), 3};
+
+constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t list_group = 64;
+constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
+// Between the dispatches; a larger batch goes in several runs.
+constexpr std::size_t most_scratch = std::size_t{96} << 20;
+
+std::uint32_t number(std::size_t x) { return static_cast<std::uint32_t>(x); }
+std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
+std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
+
+// Numbers of a node's record by degree and component, channels padded to vec4s
+// (pair_attention_gradient.comp).
+using DegreeVectors = std::array<RecordVectors, 4>;
+
+// The parts of the kernel that a dispatch takes.
+struct Kind {
+  std::uint32_t n1, n2, tables;
+  auto operator<=>(const Kind&) const = default;
+};
+
+class PairGradientKernel : public Kernel {
+ public:
+  PairGradientKernel(const Site& site, const ops::Gradient<ops::PairAttention>& gradient)
+      : op_(gradient.op),
+        gradient_(gradient),
+        k_(number(site.in[1].per_row)),
+        capabilities_(site.context.capabilities()),
+        fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
+        messages_(site, op_) {
+    for (const ops::SectorTable& table : op_.tables)
+      if (table.scale_degree == 0 && table.network->eps > 0)
+        throw Failure(ErrorCode::unsupported, "models train in the scale-exact mode only");
+    require_shared(4 * (2 * k_ * number(op_.heads) + number(op_.heads) + number(op_.key_fiber.size()) +
+                        2 * number(op_.value_fiber.size()) + 5 * padded(op_.fiber_out.size())));
+    for (const std::uint32_t x : messages_.take_constants(0)) add_constant(x);
+    lay_out_record();
+    lay_out_tables();
+    lay_out_parts();
+    weights_ = add_weights();
+    blocks_ = add(block_numbers_);
+    firsts_ = add(firsts_numbers_);
+    tables_ = add(table_numbers_);
+    jobs_ = add(products_.jobs());
+    places_ = add(products_.places());
+    make_pipelines(site.context);
+  }
+
+  std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
+    const std::size_t rows = layout.rows(graph::Rows::pair_key);
+    const std::size_t nodes = std::min<std::size_t>(rows, std::size_t{run_pairs(layout)} * layout.key_points);
+    return memory({}, nodes, layout).bytes;
+  }
+
+  void record(const Arguments& args) const override {
+    const std::uint32_t pairs = args.layout.pairs(), keys = args.layout.key_points,
+                        most = run_pairs(args.layout);
+    if (pairs == 0) return;
+    if (std::size_t{std::min(most, pairs)} * keys * k_ > most_edges())
+      throw Failure(ErrorCode::unsupported, "two-sided layers with " + std::to_string(keys) + " nodes of " +
+                                                std::to_string(k_) +
+                                                " neighbours have too many edges to train on this device");
+    const Memory memory = this->memory(args.scratch, std::size_t{std::min(most, pairs)} * keys, args.layout);
+    const bool points = gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0;
+    EdgeLists lists{};
+    if (points)
+      lists = lists_->record(args, memory.lists, args.in[1], graph::Rows::pair_key, graph::Rows::pair_key);
+    for (std::uint32_t first = 0; first < pairs; first += most)
+      record_run(args, memory, lists, first, std::min(pairs - first, most));
+    const OuterSums::Memory sums{jobs_.of(args), places_.of(args), memory.partials};
+    products_.record_totals(args, sums, args.tables.pair_key, pairs,
+                            args.out[gradient_.constants_at()].range);
+  }
+
+ private:
+  struct Memory {
+    Range messages, rare, d_messages, record, turned, d_turned, factors, ids, d_coefficients, d_features,
+        d_radial, begins, sector_lists, edges, partials, lists;
+    std::size_t bytes = 0;
+  };
+
+  ConstantPart add(const std::vector<std::uint32_t>& numbers) {
+    const VkDeviceSize offset = sizeof(std::uint32_t) * constants().size();
+    for (const std::uint32_t x : numbers) add_constant(x);
+    const VkDeviceSize bytes = sizeof(std::uint32_t) * numbers.size();
+    pad_constants(64);
+    return {offset, bytes};
+  }
+
+  ConstantPart add_weights() {
+    const VkDeviceSize offset = sizeof(std::uint32_t) * constants().size();
+    for (const auto* matrices : {&op_.query, &op_.project, &op_.self})
+      for (const auto& [d, matrix] : *matrices) add_constants(matrix);
+    if (op_.relu)
+      for (const auto& [d, plane] : op_.planes) add_constants(plane);
+    const VkDeviceSize bytes = sizeof(std::uint32_t) * constants().size() - offset;
+    pad_constants(64);
+    return {offset, bytes};
+  }
+
+  DegreeVectors vectors(const irreps::Fiber& fiber) {
+    DegreeVectors all;
+    for (int d = 0; d < 4; ++d) {
+      const irreps::Degree degree = pair_degrees[d];
+      const std::uint32_t quads = padded(fiber.channels(degree)) / 4;
+      all[d] = {record_size_, number(fiber.channels(degree)), quads};
+      record_size_ += number(degree.dim()) * quads;
+    }
+    return all;
+  }
+
+  void lay_out_record() {
+    const DegreeVectors given = vectors(op_.fiber_out), mixed = vectors(op_.fiber_out),
+                        linear = vectors(op_.fiber_out), sum = vectors(op_.value_fiber),
+                        query = vectors(op_.key_fiber), feature = vectors(op_.fiber_in);
+    own_ = record_size_;
+    record_size_ += padded(op_.fiber_in.size()) / 4;
+    std::uint32_t count = 0;
+    for (const ops::SectorTable& table : op_.tables) count += table_count(table);
+    products_.begin_at(count);
+    // In the order of ops::constants().
+    const auto add_all = [&](const ops::DegreeMatrices& matrices, const DegreeVectors& left,
+                             const DegreeVectors& right) {
+      for (const auto& [degree, matrix] : matrices) {
+        const auto d = std::find(pair_degrees.begin(), pair_degrees.end(), degree) - pair_degrees.begin();
+        products_.add(left[d], right[d], number(degree.dim()));
+      }
+    };
+    add_all(op_.query, query, feature);
+    add_all(op_.project, given, sum);
+    add_all(op_.self, given, feature);
+    add_all(op_.planes, mixed, linear);
+  }
+
+  static std::uint32_t sector_count(const ops::SectorTable& table) {
+    return number(table.size) * (table.scale_degree == 1 ? 2u : 4u) + (table.scale_degree == 1 ? 0u : 6u);
+  }
+  static std::uint32_t table_count(const ops::SectorTable& table) {
+    return number(table.sectors()) * sector_count(table) + (table.scale_degree == 1 ? 0u : 3u);
+  }
+
+  // As pack_pair_tables() numbers them: degree out, degree in; values, then keys.
+  template <class Visit>
+  void for_each_part(Visit visit) const {
+    for (int set = 0; set < (messages_.linear() ? 2 : 1); ++set)
+      for (int to = 0; to < 4; ++to)
+        for (int from = 0; from < 4; ++from)
+          for (const ops::PairBlock& block : op_.blocks)
+            if (block.in == pair_degrees[from] && block.out == pair_degrees[to] &&
+                block.out_begin == (set == 0 ? 0 : op_.value_fiber.channels(block.out)))
+              visit(block, 4 * set + to, from);
+  }
+
+  void lay_out_tables() {
+    std::vector<std::uint32_t> place(op_.tables.size());
+    std::uint32_t at = 0;
+    for (std::size_t t = 0; t < op_.tables.size(); ++t) {
+      place[t] = at;
+      at += table_count(op_.tables[t]);
+      sectors_ = std::max(sectors_, number(op_.tables[t].sectors()));
+    }
+    for_each_part([&](const ops::PairBlock& block, int, int) {
+      for (std::size_t t = 0; t < op_.tables.size(); ++t) {
+        const ops::SectorTable& table = op_.tables[t];
+        if (table.begin != block.coefficients) continue;
+        table_numbers_.insert(table_numbers_.end(),
+                              {place[t], number(table.sectors()), sector_count(table),
+                               table.scale_degree == 1 ? 2u : 4u, number(table.size),
+                               number(block.in_channels), number(block.out_channels), coefficient_vectors_});
+      }
+      const std::uint32_t vectors =
+          number(block.freq()) * messages_.in_vectors() * number(block.out_channels);
+      coefficient_vectors_ += vectors;
+      most_coefficients_ = std::max(most_coefficients_, vectors);
+    });
+    // 2^SEARCH: the same pipelines for most layers.
+    std::uint32_t most = 64;
+    while (most < sectors_) most *= 2;
+    sectors_ = most;
+    if (sectors_ > most_sectors)
+      throw Failure(ErrorCode::unsupported, "a radial table has more than 1024 sectors");
+  }
+
+  void lay_out_parts() {
+    std::uint32_t coefficients = 0, table = 0;
+    std::map<Kind, std::vector<std::uint32_t>> by_kind;
+    firsts_numbers_.resize(32);
+    for_each_part([&](const ops::PairBlock& block, int to, int from) {
+      const Kind kind{block.in.p * block.out.p == 1 ? 3u : 1u, block.in.q * block.out.q == 1 ? 3u : 1u,
+                      block.in.symmetric() && block.out.symmetric() ? 2u : 1u};
+      const std::uint32_t differs =
+          (block.in.p != block.out.p ? 1u : 0u) | (block.in.q != block.out.q ? 2u : 0u);
+      const std::size_t out =
+          fiber_.offset(block.out) + static_cast<std::size_t>(block.out_begin * block.out.dim());
+      auto& numbers = by_kind[kind];
+      numbers.insert(numbers.end(),
+                     {number(4 * block.in.p + block.in.q), number(out), number(block.out_channels),
+                      number(block.out.dim()) | (number(2 * block.out.q + 1) << 8), coefficients,
+                      feature_vectors_, table, differs});
+      firsts_numbers_[static_cast<std::size_t>(4 * to + from)] = feature_vectors_;
+      coefficients += number(block.freq()) * messages_.in_vectors() * number(block.out_channels);
+      feature_vectors_ += messages_.in_vectors() * kind.n1 * kind.n2;
+      table += kind.tables;
+    });
+    for (const auto& [kind, numbers] : by_kind) {
+      kinds_.push_back({kind, number(block_numbers_.size() / 8), number(numbers.size() / 8), nullptr});
+      block_numbers_.insert(block_numbers_.end(), numbers.begin(), numbers.end());
+    }
+  }
+
+  void make_pipelines(const Context& context) {
+    auto sizes = messages_.layer_sizes(std::array{work_group, k_, number(op_.heads)});
+    for (const irreps::Degree d : pair_degrees) sizes.push_back(number(op_.fiber_out.channels(d)));
+    sizes.push_back(!op_.self.empty());
+    sizes.push_back(op_.relu);
+    sizes.push_back(op_.relu_square);
+    node_pipeline_ = &context.pipeline(node_shader, sizes);
+    sizes = messages_.layer_sizes(std::array{work_group, k_, 0u});
+    turn_pipeline_ = &context.pipeline(turn_shader, sizes);
+    table_pipeline_ = &context.pipeline(table_shader, sizes);
+    edge_pipeline_ = &context.pipeline(edge_shader, sizes);
+    const std::uint32_t parts = number(block_numbers_.size() / 8), tables = messages_.tables();
+    for (KindParts& kind : kinds_) {
+      sizes = messages_.layer_sizes(std::array{work_group, kind.kind.n1, kind.kind.n2});
+      for (const std::uint32_t x : {kind.kind.tables, coefficient_vectors_, parts}) sizes.push_back(x);
+      kind.pipeline = &context.pipeline(kernel_shader, sizes);
+    }
+    list_pipeline_ = &context.pipeline(list_shader, std::array{list_group, sectors_});
+    sum_pipeline_ = &context.pipeline(
+        sum_shader, std::array{work_group, sectors_, tables, messages_.in_vectors(), coefficient_vectors_});
+    form_pipeline_ = &context.pipeline(form_shader, std::array{work_group, sectors_, tables});
+    products_.make_pipelines(context, record_size_, 0, false);
+    lists_.emplace(context, static_cast<int>(k_));
+    const std::uint32_t row = padded(op_.fiber_in.size()), edge = row / 4 + 2;
+    features_.emplace(context, EdgeGather::Shape{row, record_size_, own_, true, true, edge, 0});
+    positions_.emplace(context, EdgeGather::Shape{8, record_size_, 0, false, true, edge, row / 4, k_});
+  }
+
+  std::uint32_t edge_numbers() const { return padded(op_.fiber_in.size()) + 8; }
+
+  // Of all that an edge needs.
+  std::size_t edge_bytes() const {
+    return sizeof(float) *
+           (std::size_t{2} * messages_.stride() + 64 * messages_.in_vectors() + fiber_.size() +
+            10 * messages_.tables() + 4 * coefficient_vectors_ + 4 * feature_vectors_ + edge_numbers());
+  }
+  std::size_t most_edges() const {
+    const std::uint32_t turns = rounds(sectors_, list_group);
+    return std::min<std::size_t>((most_loops / turns - sectors_) / 2,
+                                 capabilities_.storage_range / (16 * std::size_t{coefficient_vectors_}));
+  }
+  // Index rows stay aligned.
+  std::uint32_t run_pairs(const graph::BatchLayout& layout) const {
+    const std::uint32_t edges = std::max(layout.key_points * k_, 1u), unit = 64 / std::gcd(64u, edges);
+    const std::size_t most = std::min(most_edges(), most_scratch / edge_bytes());
+    return std::max<std::uint32_t>(number(most / edges) / unit, 1) * unit;
+  }
+
+  Memory memory(const Range& scratch, std::size_t nodes, const graph::BatchLayout& layout) const {
+    const std::size_t edges = nodes * k_, rows = layout.rows(graph::Rows::pair_key);
+    Memory memory;
+    const auto take = [&](std::size_t numbers) {
+      const std::size_t bytes = sizeof(float) * std::max<std::size_t>(numbers, 4);
+      const Range range = scratch.sub(memory.bytes, bytes);
+      memory.bytes += (bytes + 255) / 256 * 256;
+      return range;
+    };
+    const std::size_t tables = messages_.tables();
+    memory.messages = take(edges * messages_.stride());
+    memory.rare = take(edges);
+    memory.d_messages = take(edges * messages_.stride());
+    memory.record = take(nodes * record_size_ * 4);
+    memory.turned = take(edges * 64 * messages_.in_vectors());
+    memory.d_turned = take(edges * fiber_.size());
+    memory.factors = take(edges * 4 * (tables + 1));
+    memory.ids = take(edges * tables);
+    memory.d_coefficients = take(edges * 4 * coefficient_vectors_);
+    memory.d_features = take(edges * 4 * feature_vectors_);
+    memory.d_radial = take(edges * 4 * tables);
+    memory.begins = take(tables * (sectors_ + 1));
+    memory.sector_lists = take(edges * tables);
+    memory.edges = take(edges * edge_numbers());
+    memory.partials = take(products_.partial_bytes(layout, graph::Rows::pair_key) / sizeof(float));
+    memory.lists = take(lists_->bytes(rows, rows) / sizeof(float));
+    return memory;
+  }
+
+  void record_run(const Arguments& args, const Memory& m, const EdgeLists& lists, std::uint32_t first_pair,
+                  std::uint32_t pairs) const {
+    const std::uint32_t keys = args.layout.key_points, first_node = first_pair * keys, nodes = pairs * keys,
+                        edges = nodes * k_, tables = messages_.tables();
+    const Range features = args.in[0].range, positions = args.in[2].range,
+                index = args.in[1].range.sub(4ull * k_ * first_node, 4ull * edges),
+                given = args.in[gradient_.given_at(0)].range,
+                result = args.out[gradient_.constants_at()].range;
+    const PairParameters run{first_node, nodes};
+    const auto dispatch = [&](const Pipeline& pipeline, const std::vector<Range>& ranges,
+                              std::array<std::uint32_t, 3> groups, double cost, std::uint32_t block = 0) {
+      args.schedule.dispatch(pipeline, ranges,
+                             PairGradientParameters{first_node, edges, block, first_pair > 0 ? 1u : 0u},
+                             groups, cost);
+    };
+    const std::uint32_t groups = rounds(edges, work_group);
+    const double cost = 10.0 * op_.coefficient_count * edges;
+
+    messages_.record(args, run, features, index, positions, m.messages, m.rare);
+    args.schedule.dispatch(*node_pipeline_,
+                           {features, m.messages, weights_.of(args), given, m.record, m.d_messages}, run,
+                           {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
+    std::uint32_t channels = 0;
+    for (const auto& [d, c] : fiber_) channels = std::max(channels, number(c));
+    dispatch(*turn_pipeline_, {features, index, positions, m.d_messages, m.turned, m.d_turned},
+             {groups, messages_.in_vectors() + channels, 1}, 20.0 * messages_.stride() * edges);
+    dispatch(*table_pipeline_,
+             {index, positions, messages_.heads().of(args), messages_.rays().of(args),
+              messages_.sectors().of(args), m.factors, m.ids},
+             {groups, tables + 1, 1}, 100.0 * tables * edges);
+    for (const KindParts& kind : kinds_)
+      dispatch(*kind.pipeline,
+               {m.turned, m.d_turned, m.factors, m.ids, messages_.sectors().of(args),
+                messages_.heads().of(args), blocks_.of(args), m.d_coefficients, m.d_features, m.d_radial},
+               {groups, kind.count, 1}, cost * kind.count / 4, kind.first);
+    dispatch(*edge_pipeline_,
+             {index, positions, m.messages, m.d_messages, m.turned, m.d_features, m.d_radial,
+              firsts_.of(args), m.edges},
+             {groups, 1, 1}, 30.0 * messages_.stride() * edges);
+    dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1},
+             10.0 * edges * tables * sectors_);
+    dispatch(*sum_pipeline_,
+             {m.begins, m.sector_lists, m.factors, m.d_coefficients, tables_.of(args), result},
+             {rounds(most_coefficients_, work_group), sectors_, tables}, cost);
+    dispatch(*form_pipeline_,
+             {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
+              result},
+             {rounds(sectors_ + 1, work_group), tables, 1}, 50.0 * edges * tables);
+
+    const RowTable& table = args.tables.pair_key;
+    const auto tile_of = [&](std::uint32_t pair) {
+      const auto& all = table.host_tiles;
+      return number(static_cast<std::size_t>(
+          std::partition_point(all.begin(), all.end(), [&](const auto& tile) { return tile[0] < pair; }) -
+          all.begin()));
+    };
+    const std::uint32_t first_tile = tile_of(first_pair), tiles = tile_of(first_pair + pairs) - first_tile;
+    const OuterSums::Memory sums{jobs_.of(args), places_.of(args), m.partials};
+    products_.record_sums(args, sums, m.record, table, first_tile, tiles, first_node);
+    const EdgeGather::Run tile_run{first_tile, tiles, first_node, first_node * k_};
+    if (const int to = gradient_.wanted_at(0); to >= 0)
+      features_->record(args, tile_run, lists, m.edges, m.record, table, args.out[to].range);
+    if (const int to = gradient_.wanted_at(2); to >= 0)
+      positions_->record(args, tile_run, lists, m.edges, m.record, table, args.out[to].range);
+  }
+
+  struct KindParts {
+    Kind kind;
+    std::uint32_t first, count;
+    const Pipeline* pipeline;
+  };
+
+  const ops::PairAttention op_;
+  const ops::Gradient<ops::PairAttention> gradient_;
+  const std::uint32_t k_;
+  const Capabilities& capabilities_;
+  const irreps::Fiber fiber_;  // messages: [values ; keys]
+  PairMessages messages_;
+  OuterSums products_;
+  std::uint32_t record_size_ = 0, own_ = 0;                        // vec4s
+  std::uint32_t coefficient_vectors_ = 0, most_coefficients_ = 0;  // vec4s of an edge; of one table
+  std::uint32_t feature_vectors_ = 0, sectors_ = 0;
+  std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
+  std::vector<KindParts> kinds_;
+  ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;
+  const Pipeline *node_pipeline_ = nullptr, *turn_pipeline_ = nullptr, *table_pipeline_ = nullptr,
+                 *edge_pipeline_ = nullptr, *list_pipeline_ = nullptr, *sum_pipeline_ = nullptr,
+                 *form_pipeline_ = nullptr;
+  std::optional<ReverseNeighbours> lists_;
+  std::optional<EdgeGather> features_, positions_;
+};
+
+}  // namespace
+
+KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PairAttention>& op) {
+  return std::make_unique<PairGradientKernel>(site, op);
+}
+
+}  // namespace bitr::vk
