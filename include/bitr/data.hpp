@@ -30,7 +30,8 @@ struct DataPart {
 
   /// Of a kind, to draw samples more quickly: so many points of each side (each fragment, or each of two
   /// samples of the shape) are drawn once, in single precision, and every sample takes some of them. At least
-  /// points_high, up to a million; 0: every sample is drawn anew.
+  /// points_high, up to a million; 0: every sample is drawn anew. A pool takes 48 bytes for each of its
+  /// points; shapes whose pools do not fit in the cache do without.
   std::size_t pool = 0;
   std::size_t breaks = 4;  ///< with a pool: ways in which a shape is broken, one for each time it comes
                            ///< round, 1 … 1000; without: endless
@@ -57,7 +58,8 @@ struct DataOptions {
 
   std::size_t samples = 0;  ///< of an epoch; 0: as many as there are shapes in the split
   std::uint64_t seed = 0;
-  std::size_t cache_bytes = std::size_t{256} << 20;  ///< of memory for shapes that will be used again
+  std::size_t cache_bytes = std::size_t{256} << 20;  ///< of memory for shapes that will be used again; the
+                                                     ///< samples depend on it only if pools do not fit
 };
 
 struct DataSample {

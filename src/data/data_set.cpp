@@ -32,6 +32,7 @@ struct Part {
   std::vector<std::uint32_t> seeds;             ///< of a kind, less first_seed
   std::vector<std::string> files;               ///< below the folder, sorted
   std::uint64_t first_sample = 0, samples = 0;  ///< of an epoch in its order
+  std::uint64_t pools = 0;                      ///< so many of its shapes' versions, the first, have a pool
 
   /// How its shapes become pairs.
   generate::Way way() const { return kind && !recipe.protocol ? kind->way : generate::Way::cropped; }
@@ -184,6 +185,25 @@ void share_out(std::vector<Part>& parts, std::uint64_t total) {
   }
 }
 
+/// Gives pools to as many shapes as fit in the cache: to make one again each time would take longer than to
+/// draw without. Returns the bytes they take.
+std::size_t share_pools(std::vector<Part>& parts, std::size_t bytes) {
+  const auto wanted = [](const Part& part) {
+    return part.recipe.pool > 0 ? static_cast<double>(part.shapes()) * static_cast<double>(part.versions())
+                                : 0;
+  };
+  double needed = 0;
+  for (const Part& part : parts)
+    needed += wanted(part) * static_cast<double>(data::DensePair::bytes_of(part.recipe.pool));
+  const double share = std::min(1.0, static_cast<double>(bytes) / std::max(needed, 1.0));
+  std::size_t taken = 0;
+  for (Part& part : parts) {
+    part.pools = static_cast<std::uint64_t>(share * wanted(part));
+    taken += part.pools * data::DensePair::bytes_of(part.recipe.pool);
+  }
+  return std::min(taken, bytes);
+}
+
 /// Everything the sequence depends on, as numbers and names run together.
 std::uint64_t fingerprint_of(const DataOptions& options, const std::vector<Part>& parts) {
   std::uint64_t value = 1;
@@ -206,6 +226,7 @@ std::uint64_t fingerprint_of(const DataOptions& options, const std::vector<Part>
     if (recipe.pool > 0) {
       add(recipe.pool);
       add(part.versions());
+      if (part.pools < part.shapes() * part.versions()) add(part.pools);
     }
     add(part.shapes());
     for (const std::uint32_t seed : part.seeds) value = (value ^ seed) * 0x100000001b3ULL;
@@ -224,9 +245,19 @@ class DataSet::State {
  public:
   DataOptions options;
   std::vector<Part> parts;
-  std::uint64_t samples = 0, fingerprint = 0;
+  std::uint64_t samples, fingerprint;
 
-  explicit State(const DataOptions& given) : options(given), cache_(given.cache_bytes) {}
+  /// Of an epoch of `total` samples.
+  State(const DataOptions& given, std::vector<Part> opened, std::uint64_t total)
+      : options(given),
+        parts(std::move(opened)),
+        samples(total),
+        pool_bytes_(share_pools(parts, options.cache_bytes)),
+        pools_(pool_bytes_),
+        shapes_(options.cache_bytes - pool_bytes_) {
+    share_out(parts, samples);
+    fingerprint = fingerprint_of(options, parts);
+  }
 
   Result<DataSample> sample(std::uint64_t epoch, std::uint64_t index) {
     const std::uint64_t seed = mix(mix(options.seed, epoch), index);
@@ -267,8 +298,11 @@ class DataSet::State {
 
   Result<std::shared_ptr<const AnyShape>> load(const Key& key) {
     const Part& part = parts[key.part];
-    const std::uint64_t cache_key = key.part << 48 | (key.shape * part.versions() + key.version);
-    if (auto found = cache_.find(cache_key)) return found;
+    const std::uint64_t version = key.shape * part.versions() + key.version;
+    const bool pooled = version < part.pools;
+    const std::uint64_t cache_key = key.part << 48 | (pooled ? version : key.shape);
+    data::ShapeCache& cache = pooled ? pools_ : shapes_;
+    if (auto found = cache.find(cache_key)) return found;
     std::shared_ptr<const AnyShape> loaded;
     if (!part.kind) {
       auto file = data::FileShape::read(part.recipe.folder / part.files[key.shape],
@@ -278,12 +312,13 @@ class DataSet::State {
     } else {
       const std::uint64_t seed = part.recipe.first_seed + part.seeds[key.shape];
       auto shape = generate::make_shape(*part.kind, seed);
-      const std::size_t pool = part.recipe.pool;
-      loaded = pool == 0 ? std::make_shared<AnyShape>(std::move(shape))
-                         : std::make_shared<AnyShape>(data::DensePair(
-                               draw_uncut(part, *shape, pool, mix(mix(options.seed, seed), key.version))));
+      if (pooled)
+        loaded = std::make_shared<AnyShape>(data::DensePair(
+            draw_uncut(part, *shape, part.recipe.pool, mix(mix(options.seed, seed), key.version))));
+      else
+        loaded = std::make_shared<AnyShape>(std::move(shape));
     }
-    cache_.keep(cache_key, loaded);
+    cache.keep(cache_key, loaded);
     return loaded;
   }
 
@@ -361,7 +396,8 @@ class DataSet::State {
                       pair->symmetry};
   }
 
-  data::ShapeCache cache_;
+  std::size_t pool_bytes_;
+  data::ShapeCache pools_, shapes_;
   std::mutex skipped_mutex_;
   std::map<std::pair<std::size_t, std::uint64_t>, std::string> skipped_;  // by part and shape
 };
@@ -369,20 +405,18 @@ class DataSet::State {
 Result<DataSet> DataSet::open(const DataOptions& options) {
   return guarded([&]() -> Result<DataSet> {
     if (const auto valid = check(options); !valid) return tl::unexpected(valid.error());
-    auto state = std::make_shared<State>(options);
+    std::vector<Part> parts;
     std::uint64_t shapes = 0;
     for (std::size_t i = 0; i < options.parts.size(); ++i) {
       auto part = open_part(options.parts[i], options);
       if (!part)
         return fail(part.error().code, "part " + std::to_string(i) + " of the data: " + part.error().message);
       shapes += part->shapes();
-      state->parts.push_back(std::move(*part));
+      parts.push_back(std::move(*part));
     }
-    if (const auto valid = check_folders(state->parts); !valid) return tl::unexpected(valid.error());
-    state->samples = options.samples ? options.samples : shapes;
-    share_out(state->parts, state->samples);
-    state->fingerprint = fingerprint_of(options, state->parts);
-    return DataSet(std::move(state));
+    if (const auto valid = check_folders(parts); !valid) return tl::unexpected(valid.error());
+    return DataSet(
+        std::make_shared<State>(options, std::move(parts), options.samples ? options.samples : shapes));
   });
 }
 

@@ -47,8 +47,6 @@ TEST(DataSet, SampleDependsOnItsPlaceAlone) {
   DataOptions options = small({{.kind = "aircraft", .shapes = 20},
                                {.kind = "vessels", .shapes = 20},
                                {.kind = "vessels", .shapes = 20, .protocol = Protocol::independent},
-                               {.kind = "vessels", .shapes = 20, .pool = 80},
-                               {.kind = "aircraft", .shapes = 20, .pool = 80, .protocol = Protocol::opposed},
                                {.kind = "copy", .shapes = 3},
                                {.folder = folder.path(), .protocol = Protocol::complement}});
   options.noise = 0.01;
@@ -57,7 +55,7 @@ TEST(DataSet, SampleDependsOnItsPlaceAlone) {
   options.cache_bytes = 0;
   const DataSet forgetful = DataSet::open(options).value();
   EXPECT_EQ(data.fingerprint(), again.fingerprint());
-  EXPECT_EQ(data.samples(), 108u);
+  EXPECT_EQ(data.samples(), 68u);
   std::vector<DataSample> forwards;
   for (std::size_t i = 0; i < data.samples(); ++i) forwards.push_back(data.sample(1, i).value());
   for (std::size_t i = data.samples(); i-- > 0;) {
@@ -112,6 +110,40 @@ TEST(DataSet, PoolIsDrawnOnceAndSamplesTakeSomeOfIt) {
     options.parts[0].pool = 10;
     EXPECT_THAT(DataSet::open(options).error().message, HasSubstr("pool is 10, neither 0 nor in 64"));
   }
+}
+
+TEST(DataSet, ShapesWhosePoolsDoNotFitAreDrawnAnew) {
+  constexpr std::size_t pool_bytes = 48 * 100;
+  DataOptions options = small({{.kind = "vessels", .shapes = 5, .pool = 100, .breaks = 2},
+                               {.kind = "copy", .shapes = 3, .weight = 0.5},
+                               {.kind = "aircraft", .shapes = 5, .pool = 100}});
+  const auto open = [&](std::size_t bytes) {
+    options.cache_bytes = bytes;
+    return DataSet::open(options).value();
+  };
+  const DataSet all = open(15 * pool_bytes), more = open(16 * pool_bytes), some = open(8 * pool_bytes),
+                again = open(8 * pool_bytes), none = open(0);
+  EXPECT_EQ(all.fingerprint(), more.fingerprint());
+  EXPECT_EQ(some.fingerprint(), again.fingerprint());
+  EXPECT_NE(some.fingerprint(), all.fingerprint());
+  EXPECT_NE(some.fingerprint(), none.fingerprint());
+  for (DataPart& part : options.parts) part.pool = 0;
+  const DataSet without = open(1 << 20);
+  std::size_t anew = 0, pooled = 0, differ = 0;
+  for (std::uint64_t epoch = 0; epoch < 10; ++epoch)
+    for (std::size_t i = 0; i < all.samples(); ++i) {
+      const DataSample full = all.sample(epoch, i).value(), half = some.sample(epoch, i).value();
+      EXPECT_TRUE(same(more.sample(epoch, i).value(), full));
+      EXPECT_TRUE(same(again.sample(epoch, i).value(), half));
+      const DataSample fresh = without.sample(epoch, i).value();
+      EXPECT_TRUE(same(none.sample(epoch, i).value(), fresh));
+      if (fresh.shape.starts_with("solids")) continue;
+      anew += same(half, fresh);
+      pooled += same(half, full);
+      differ += !same(full, fresh);
+    }
+  EXPECT_EQ(anew + pooled, differ);
+  EXPECT_NEAR(static_cast<double>(pooled) / static_cast<double>(differ), 8.0 / 15, 0.15);
 }
 
 TEST(DataSet, EveryShapeIsUsedOnceBeforeAnyIsUsedAgain) {
