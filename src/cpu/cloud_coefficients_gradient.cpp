@@ -1,8 +1,5 @@
-#include <functional>
-
 #include "cpu/cloud_coefficients.hpp"
-#include "cpu/kernel.hpp"
-#include "ops/constants.hpp"
+#include "cpu/constant_gradient.hpp"
 
 namespace bitr::cpu {
 namespace {
@@ -46,7 +43,9 @@ class CloudCoefficientsGradient : public Kernel<T> {
     });
     for (std::uint32_t cloud = 0; cloud < clouds; ++cloud)
       write_inputs(slots, parts[cloud], parts[args.layout.other(cloud)], cloud);
-    if (slots.constants()) write_constants(parts, slots.constants()->as<T>());
+    for (std::uint32_t cloud = 1; cloud < clouds; ++cloud)
+      add_constants(parts[0].constants, parts[cloud].constants);
+    store_constants<T>(slots.constants(), parts[0].constants);
   }
 
  private:
@@ -129,17 +128,6 @@ class CloudCoefficientsGradient : public Kernel<T> {
     if (const Slot* slot = slots.wanted(1))
       Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot->as<T>() + cloud * slot->stride(), globals) =
           both(0, globals).template cast<T>();
-  }
-
-  static void write_constants(std::vector<CloudGradient>& parts, T* to) {
-    const ops::ConstantSpans sum = ops::constants(parts[0].constants);
-    for (std::size_t cloud = 1; cloud < parts.size(); ++cloud) {
-      const ops::ConstantSpans part = ops::constants(parts[cloud].constants);
-      for (std::size_t i = 0; i < sum.size(); ++i)
-        std::transform(sum[i].begin(), sum[i].end(), part[i].begin(), sum[i].begin(), std::plus<>{});
-    }
-    for (const auto& span : sum)
-      to = std::transform(span.begin(), span.end(), to, [](double x) { return static_cast<T>(x); });
   }
 
   const ops::Gradient<ops::CloudCoefficients> op_;

@@ -19,7 +19,7 @@ class MeanDirectionGradient : public Kernel<T> {
     const Slot& edges = slots.in(1);
     const T* positions = slots.in(0).as<T>();
     PointGradients<T> out;
-    if (slots.constants()) out.constants = slots.constants()->as<T>();
+    out.constants = slots.constants();
     point_attention_gradient<T>(args, op_.op.general, edges.rows, edges.per_row,
                                 {&constant_, 0, edges.as<std::uint32_t>(), positions, positions, nullptr},
                                 slots.given(0)->as<T>(), nullptr, out);

@@ -1,388 +1,13 @@
 #include "cpu/point_attention_gradient.hpp"
 
-#include <array>
-#include <cmath>
-
-#include "cpu/pack_relu.hpp"
-#include "cpu/point_path_set.hpp"
-#include "ops/constants.hpp"
+#include "cpu/constant_gradient.hpp"
+#include "cpu/point_block.hpp"
 
 namespace bitr::cpu {
 namespace {
 
-using Eigen::MatrixXd;
-
-// In the order of ops::constants().
-enum Name { M0, M1, O0, O1, S0, S1, Mz0, Mz1, Oz0, Oz1, plane, name_count };
-using Matrices = std::array<MatrixXd, name_count>;
-constexpr Name per_cloud[] = {M0, O0, S0, Mz0, Oz0};
-
-// Degree-1 paths of ops/point_attention.hpp (rows) from those of VectorPaths (columns), for every head.
-MatrixXd path_basis(const ops::PointAttention& op) {
-  const int n = op.n1(), c0 = op.c0, c1 = op.c1;
-  MatrixXd basis = MatrixXd::Zero(op.heads * n, op.heads * n);
-  for (int h = 0; h < op.heads; ++h) {
-    auto one = basis.block(h * n, h * n, n, n);
-    one.topLeftCorner(c0, c0).setIdentity();
-    const auto couple = [&](int to, int from, double factor) {
-      one.block(c0 + to * c1, c0 + from * c1, c1, c1).diagonal().setConstant(factor);
-    };
-    couple(0, 0, -1 / std::sqrt(3.0));
-    couple(1, 1, 1 / std::sqrt(2.0));
-    couple(2, 0, -1 / std::sqrt(6.0));
-    couple(2, 2, 3 / std::sqrt(6.0));
-  }
-  return basis;
-}
-
-Matrices matrices_of(const ops::PointAttention& op) {
-  Matrices all{op.M0, op.M1, op.O0, op.O1, op.S0, op.S1, op.Mz0, op.Mz1, op.Oz0, op.Oz1, op.plane};
-  if (op.m1 == 0) return all;
-  const MatrixXd basis = path_basis(op);
-  if (op.M1.size() > 0) all[M1] = basis.transpose() * op.M1;
-  all[O1] = op.O1 * basis;
-  return all;
-}
-
-// Shapes of the matrices that come as a row of coefficients.
-std::array<std::pair<int, int>, std::size(per_cloud)> shapes(const ops::PointAttention& op) {
-  const int from = op.c0 + 1, paths = op.heads * op.n0();
-  return {{{paths, from}, {op.m0, paths}, {op.m0, from}, {op.heads * from, from}, {op.m0, op.heads * from}}};
-}
-
-// The layer's backward pass on `lanes` points at once. Paths, logits and sums over edges are made again.
-template <class T>
-class PointBlock {
-  using P = Pack<T>;
-  static constexpr int lanes = pack_lanes<T>;
-
- public:
-  PointBlock(const ops::PointAttention& op, const Matrices& matrices, const PointInputs<T>& in,
-             const T* given, int k)
-      : op_(op),
-        in_(in),
-        given_(given),
-        k_(k),
-        edge_(op, false, k),
-        zero_(op, true, k),
-        neighbour_(static_cast<std::size_t>(k * lanes)),
-        direction_(static_cast<std::size_t>(3 * k)),
-        d_direction_(direction_.size()),
-        scale_(static_cast<std::size_t>(k)),
-        weight_(static_cast<std::size_t>(op.heads * k)),
-        d_weight_(weight_.size()),
-        own_(static_cast<std::size_t>(op.c0 + 1 + 3 * op.c1)),
-        d_own_(own_.size()),
-        out_(static_cast<std::size_t>(op.m0 + 3 * op.m1)),
-        d_out_(out_.size()),
-        edge_query_(static_cast<std::size_t>(edge_.count())),
-        edge_sum_(edge_query_.size()),
-        zero_query_(static_cast<std::size_t>(zero_.count())),
-        zero_sum_(zero_query_.size()),
-        scratch_(std::max({edge_query_.size(), zero_query_.size(), out_.size(), own_.size()})) {
-    for (int i = 0; i < name_count; ++i) matrix_[i] = PackMatrix<T>(matrices[i]);
-  }
-
-  /// Rows [begin, end), at most `lanes`; adds to `out`.
-  void differentiate(std::size_t begin, std::size_t end, const PointGradients<T>& out) {
-    begin_ = begin;
-    count_ = static_cast<int>(end - begin);
-    load();
-    forward();
-    if (op_.relu) {
-      differentiate_leaky<T>(op_.m0, out_.data(), d_out_.data());
-      differentiate_relu(matrix_[plane], op_.m1, op_.relu_square, out1(out_, 0), out1(d_out_, 0),
-                         scratch_.data());
-    }
-    std::fill(d_own_.begin(), d_own_.end(), zero_pack<T>());
-    backward(out);
-    store(out);
-  }
-
-  void flush(Matrices& sums) {
-    for (int i = 0; i < name_count; ++i) matrix_[i].flush(sums[i]);
-  }
-
- private:
-  std::size_t row(int lane) const { return begin_ + static_cast<std::size_t>(std::min(lane, count_ - 1)); }
-  std::size_t neighbour(int lane, int j) const { return neighbour_[j * lanes + lane]; }
-
-  // Rows past the end repeat the last one with a gradient of zero.
-  void load() {
-    const int width = op_.c0 + 3 * op_.c1;
-    for (int lane = 0; lane < lanes; ++lane) {
-      const std::uint32_t* index = in_.index + row(lane) * k_;
-      for (int j = 0; j < k_; ++j) neighbour_[j * lanes + lane] = index[j];
-    }
-    const T* rows[lanes];
-    for (int j = 0; j < k_; ++j) {
-      for (int lane = 0; lane < lanes; ++lane)
-        rows[lane] = in_.features + neighbour(lane, j) * in_.feature_stride;
-      gather(rows, width, edge_.features(j));
-    }
-    for (int j = 0; j < k_; ++j) {
-      for (int lane = 0; lane < lanes; ++lane) {
-        const T* at = in_.neighbours + 3 * neighbour(lane, j);
-        for (int a = 0; a < 3; ++a) direction_[3 * j + a][lane] = at[(a + 1) % 3];
-      }
-    }
-    P centre[3];
-    for (int lane = 0; lane < lanes; ++lane)
-      for (int a = 0; a < 3; ++a) centre[a][lane] = in_.centres[3 * row(lane) + (a + 1) % 3];
-    duplicates_ = false;
-    for (int j = 0; j < k_; ++j) set_direction(centre, j);
-    load_own();
-  }
-
-  void load_own() {
-    const T* rows[lanes];
-    if (!op_.uniform) {
-      for (int lane = 0; lane < lanes; ++lane) rows[lane] = in_.features + row(lane) * in_.feature_stride;
-      gather(rows, op_.c0 + 3 * op_.c1, scratch_.data());
-      by_axis(scratch_.data(), op_.c0, op_.c1, own0(), own1(own_, 0));
-      own0()[op_.c0] = zero_pack<T>() + 1;
-    }
-    const int width = op_.m0 + 3 * op_.m1;
-    for (int lane = 0; lane < lanes; ++lane) rows[lane] = given_ + row(lane) * width;
-    gather(rows, width, scratch_.data());
-    P there;
-    for (int lane = 0; lane < lanes; ++lane) there[lane] = lane < count_ ? T{1} : T{0};
-    for (int c = 0; c < width; ++c) scratch_[c] *= there;
-    by_axis(scratch_.data(), op_.m0, op_.m1, d_out_.data(), out1(d_out_, 0));
-  }
-
-  // Vectors from channel by channel to axis by axis.
-  static void by_axis(const P* from, int scalars, int vectors, P* to0, P* to1) {
-    std::copy_n(from, scalars, to0);
-    for (int c = 0; c < vectors; ++c)
-      for (int a = 0; a < 3; ++a) to1[a * vectors + c] = from[scalars + 3 * c + a];
-  }
-
-  // The feature of an edge of length zero moves to the other set of paths.
-  void set_direction(const P* centre, int j) {
-    const P none = zero_pack<T>();
-    P* d = &direction_[3 * j];
-    for (int a = 0; a < 3; ++a) d[a] = centre[a] - d[a];
-    const P square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-    P length = square;
-    as_array<T>(length) = as_array<T>(length).sqrt().max(static_cast<T>(ops::direction_eps));
-    scale_[j] = square > none ? 1 / length : none;
-    for (int a = 0; a < 3; ++a) d[a] *= scale_[j];
-    P is_zero = square > none ? none : none + 1;
-    if (!duplicates_) {
-      if (!(as_array<T>(is_zero) > 0).any()) return;
-      duplicates_ = true;
-      for (int i = 0; i < j; ++i) std::fill_n(zero_.features(i), zero_.inputs(), none);
-    }
-    for (int c = 0; c < edge_.inputs(); ++c) {
-      zero_.features(j)[c] = edge_.features(j)[c] * is_zero;
-      edge_.features(j)[c] -= zero_.features(j)[c];
-    }
-    zero_.features(j)[edge_.inputs()] = is_zero;
-  }
-
-  // Parts of own features [f⁰ 1, f¹ by axis] and of outputs [degree 0, degree 1 by axis].
-  P* own0() { return own_.data(); }
-  P* own1(Packs<T>& own, int axis) { return own.data() + op_.c0 + 1 + axis * op_.c1; }
-  P* out1(Packs<T>& out, int axis) { return out.data() + op_.m0 + axis * op_.m1; }
-
-  void forward() {
-    std::fill(out_.begin(), out_.end(), zero_pack<T>());
-    if (op_.uniform) {
-      std::fill(weight_.begin(), weight_.end(), zero_pack<T>() + T{1} / static_cast<T>(k_));
-      std::fill(edge_query_.begin(), edge_query_.end(), zero_pack<T>());
-      std::fill(zero_query_.begin(), zero_query_.end(), zero_pack<T>());
-    } else {
-      std::fill(weight_.begin(), weight_.end(), zero_pack<T>());
-      score(edge_, M0, M1, edge_query_);
-      if (duplicates_) score(zero_, Mz0, Mz1, zero_query_);
-      softmax();
-      matrix_[S0].add_product(own0(), out_.data());
-      for (int a = 0; a < 3; ++a) matrix_[S1].add_product(own1(own_, a), out1(out_, a));
-    }
-    aggregate(edge_, O0, O1, edge_sum_);
-    if (duplicates_) aggregate(zero_, Oz0, Oz1, zero_sum_);
-  }
-
-  void score(const PointPathSet<T>& set, Name degree0, Name degree1, Packs<T>& query) {
-    std::fill(query.begin(), query.end(), zero_pack<T>());
-    matrix_[degree0].add_product(own0(), query.data());
-    for (int a = 0; a < set.axes(); ++a)
-      matrix_[degree1].add_product(own1(own_, a), query.data() + set.degree1(a));
-    set.add_products(query.data(), direction_.data(), weight_.data());
-  }
-
-  void softmax() {
-    for (int h = 0; h < op_.heads; ++h) {
-      P largest = weight_[h], total = zero_pack<T>();
-      for (int j = 1; j < k_; ++j) {
-        const P logit = weight_[j * op_.heads + h];
-        largest = logit > largest ? logit : largest;
-      }
-      for (int j = 0; j < k_; ++j) {
-        P& e = weight_[j * op_.heads + h];
-        e -= largest;
-        as_array<T>(e) = as_array<T>(e).exp();
-        total += e;
-      }
-      const P scale = 1 / total;
-      for (int j = 0; j < k_; ++j) weight_[j * op_.heads + h] *= scale;
-    }
-  }
-
-  void aggregate(const PointPathSet<T>& set, Name degree0, Name degree1, Packs<T>& sum) {
-    set.sum(weight_.data(), direction_.data(), sum.data());
-    matrix_[degree0].add_product(sum.data(), out_.data());
-    for (int a = 0; a < set.axes(); ++a)
-      matrix_[degree1].add_product(sum.data() + set.degree1(a), out1(out_, a));
-  }
-
-  void backward(const PointGradients<T>& out) {
-    const bool turn = out.centres || out.neighbours;
-    if (!op_.uniform) {
-      matrix_[S0].differentiate(d_out_.data(), own0(), d_own_.data());
-      matrix_[S1].differentiate(out1(d_out_, 0), own1(own_, 0), own1(d_own_, 0), 3, op_.m1, op_.c1);
-    }
-    std::fill(d_weight_.begin(), d_weight_.end(), zero_pack<T>());
-    differentiate_sum(edge_, O0, O1, edge_sum_);
-    if (duplicates_) differentiate_sum(zero_, Oz0, Oz1, zero_sum_);
-    if (op_.uniform)
-      std::fill(d_weight_.begin(), d_weight_.end(), zero_pack<T>());
-    else
-      differentiate_softmax();
-
-    if (turn) std::fill(d_direction_.begin(), d_direction_.end(), zero_pack<T>());
-    differentiate_paths(edge_, M0, M1, edge_query_, edge_sum_, turn ? d_direction_.data() : nullptr, out);
-    if (!duplicates_) return;
-    differentiate_paths(zero_, Mz0, Mz1, zero_query_, zero_sum_, nullptr, out);
-    for (int j = 0; j < k_; ++j) {
-      const P is_zero = zero_.features(j)[edge_.inputs()];
-      for (int c = 0; c < edge_.inputs(); ++c) {
-        P& gradient = edge_.gradient(j)[c];
-        gradient = is_zero > 0 ? zero_.gradient(j)[c] : gradient;
-      }
-    }
-  }
-
-  // `sum` becomes its own gradient.
-  void differentiate_sum(const PointPathSet<T>& set, Name degree0, Name degree1, Packs<T>& sum) {
-    std::fill(scratch_.begin(), scratch_.end(), zero_pack<T>());
-    matrix_[degree0].differentiate(d_out_.data(), sum.data(), scratch_.data());
-    matrix_[degree1].differentiate(out1(d_out_, 0), sum.data() + set.degree1(0),
-                                   scratch_.data() + set.degree1(0), set.axes(), op_.m1, set.axis_step());
-    std::copy_n(scratch_.begin(), sum.size(), sum.begin());
-    set.add_products(sum.data(), direction_.data(), d_weight_.data());
-  }
-
-  // From the gradient of the weights to that of the logits.
-  void differentiate_softmax() {
-    for (int h = 0; h < op_.heads; ++h) {
-      P mean = zero_pack<T>();
-      for (int i = h; i < op_.heads * k_; i += op_.heads) mean += weight_[i] * d_weight_[i];
-      for (int i = h; i < op_.heads * k_; i += op_.heads) d_weight_[i] = weight_[i] * (d_weight_[i] - mean);
-    }
-  }
-
-  void differentiate_paths(PointPathSet<T>& set, Name degree0, Name degree1, const Packs<T>& query,
-                           const Packs<T>& d_sum, P* d_directions, const PointGradients<T>& out) {
-    if (!op_.uniform) {
-      set.sum(d_weight_.data(), direction_.data(), scratch_.data());
-      matrix_[degree0].differentiate(scratch_.data(), own0(), d_own_.data());
-      matrix_[degree1].differentiate(scratch_.data() + set.degree1(0), own1(own_, 0), own1(d_own_, 0),
-                                     set.axes(), set.axis_step(), op_.c1);
-    }
-    if (out.features || d_directions)
-      set.differentiate(weight_.data(), d_sum.data(), d_weight_.data(), query.data(), direction_.data(),
-                        d_directions);
-  }
-
-  void store(const PointGradients<T>& out) {
-    if (out.features) {
-      const int c0 = op_.c0, width = c0 + 3 * op_.c1;
-      T* rows[lanes];
-      if (!op_.uniform) {
-        std::copy_n(d_own_.data(), c0, scratch_.data());
-        for (int c = 0; c < op_.c1; ++c)
-          for (int a = 0; a < 3; ++a) scratch_[c0 + 3 * c + a] = own1(d_own_, a)[c];
-        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + row(lane) * width;
-        scatter(scratch_.data(), width, count_, rows);
-      }
-      for (int j = 0; j < k_; ++j) {
-        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + neighbour(lane, j) * width;
-        scatter(edge_.gradient(j), width, count_, rows);
-      }
-    }
-    if (out.centres || out.neighbours) store_positions(out);
-  }
-
-  // v = d / |d|
-  void store_positions(const PointGradients<T>& out) {
-    for (int j = 0; j < k_; ++j) {
-      const P *v = &direction_[3 * j], *g = &d_direction_[3 * j];
-      const P along = v[0] * g[0] + v[1] * g[1] + v[2] * g[2];
-      for (int a = 0; a < 3; ++a) {
-        const P d = scale_[j] * (g[a] - along * v[a]);
-        for (int lane = 0; lane < count_; ++lane) {
-          if (out.centres) out.centres[3 * row(lane) + (a + 1) % 3] += d[lane];
-          if (out.neighbours) out.neighbours[3 * neighbour(lane, j) + (a + 1) % 3] -= d[lane];
-        }
-      }
-    }
-  }
-
-  const ops::PointAttention& op_;
-  const PointInputs<T>& in_;
-  const T* given_;
-  const int k_;
-  std::size_t begin_ = 0;
-  int count_ = 0;
-  bool duplicates_ = false;
-  PointPathSet<T> edge_, zero_;
-  std::vector<std::uint32_t> neighbour_;
-  std::array<PackMatrix<T>, name_count> matrix_;
-  // Over edges: v, 1/|d| (0 where d is), softmax weights and the gradient of the weights, then of the logits.
-  Packs<T> direction_, d_direction_, scale_, weight_, d_weight_;
-  Packs<T> own_, d_own_, out_, d_out_;
-  // Per path: queries; sums over the edges, then their gradients.
-  Packs<T> edge_query_, edge_sum_, zero_query_, zero_sum_, scratch_;
-};
-
 // Lanes are added up in double at least this often.
 constexpr std::size_t rows_between_flushes = 1024;
-
-template <class T>
-Matrices with_coefficients(Matrices matrices, const ops::PointAttention& op, const T* row) {
-  const auto all = shapes(op);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const auto [rows, cols] = all[i];
-    matrices[per_cloud[i]] = Eigen::Map<const RowMatrix<T>>(row, rows, cols).template cast<double>();
-    row += rows * cols;
-  }
-  return matrices;
-}
-
-Matrices zeros(const Matrices& like) {
-  Matrices all;
-  for (int i = 0; i < name_count; ++i) all[i] = MatrixXd::Zero(like[i].rows(), like[i].cols());
-  return all;
-}
-
-// The gradient's own spans are those of the operation.
-template <class T>
-void write_constants(const ops::PointAttention& op, Matrices& gradient, T* to) {
-  if (op.m1 > 0) {
-    const MatrixXd basis = path_basis(op);
-    if (op.M1.size() > 0) gradient[M1] = basis * gradient[M1];
-    gradient[O1] = gradient[O1] * basis.transpose();
-  }
-  ops::PointAttention shape = op;
-  MatrixXd* own[] = {&shape.M0,  &shape.M1,  &shape.O0,  &shape.O1,  &shape.S0,   &shape.S1,
-                     &shape.Mz0, &shape.Mz1, &shape.Oz0, &shape.Oz1, &shape.plane};
-  for (int i = 0; i < name_count; ++i)
-    if (own[i]->size() > 0) *own[i] = gradient[i];
-  for (const auto& span : ops::constants(shape))
-    to = std::transform(span.begin(), span.end(), to, [](double x) { return static_cast<T>(x); });
-}
 
 }  // namespace
 
@@ -392,8 +17,8 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
                               const PointGradients<T>& out) {
   const graph::BatchLayout& layout = args.layout;
   const std::size_t width = op.c0 + 3 * op.c1;
-  const Matrices shared = matrices_of(op);
-  std::vector<Matrices> sums(layout.clouds());
+  const PointMatrices shared = matrices_of(op);
+  std::vector<PointMatrices> sums(layout.clouds());
   const auto clear = [](T* to, std::size_t begin, std::size_t end, std::size_t size) {
     if (to) std::fill(to + begin * size, to + end * size, T{0});
   };
@@ -405,9 +30,9 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
     clear(out.features, first, last, width);
     clear(out.neighbours, first, last, 3);
     clear(out.centres, begin, end, 3);
-    const Matrices matrices =
+    const PointMatrices matrices =
         coefficients ? with_coefficients(shared, op, coefficients + cloud * op.coefficient_count()) : shared;
-    sums[cloud] = zeros(matrices);
+    sums[cloud] = zeros_like(matrices);
     PointBlock<T> block(op, matrices, in, given, k);
     for (std::size_t chunk = begin; chunk < end; chunk += rows_between_flushes) {
       const std::size_t chunk_end = std::min(chunk + rows_between_flushes, end);
@@ -417,8 +42,8 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
     }
     if (!out.coefficients) return;
     T* to = out.coefficients + cloud * op.coefficient_count();
-    for (Name name : per_cloud) {
-      const MatrixXd& sum = sums[cloud][name];
+    for (PointMatrix name : per_cloud_matrices) {
+      const Eigen::MatrixXd& sum = sums[cloud][name];
       Eigen::Map<RowMatrix<T>>(to, sum.rows(), sum.cols()) = sum.cast<T>();
       to += sum.size();
     }
@@ -428,8 +53,9 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
   });
   if (!out.constants) return;
   for (std::uint32_t cloud = 1; cloud < layout.clouds(); ++cloud)
-    for (int i = 0; i < name_count; ++i) sums[0][i] += sums[cloud][i];
-  write_constants(op, sums[0], out.constants);
+    for (int i = 0; i < point_matrices; ++i) sums[0][i] += sums[cloud][i];
+  ops::PointAttention gradient = gradient_of(op, sums[0]);
+  store_constants<T>(out.constants, gradient);
 }
 
 template void point_attention_gradient(const Arguments&, const ops::PointAttention&, graph::Rows, int,
@@ -455,7 +81,7 @@ class PointAttentionGradient : public Kernel<T> {
                                  slots.in(2).as<T>(), slots.in(3).as<T>(), nullptr},
                                 slots.given(0)->as<T>(), op_.op.per_cloud ? slots.in(4).as<T>() : nullptr,
                                 {to(slots.wanted(0)), to(slots.wanted(2)), to(slots.wanted(3)),
-                                 op_.op.per_cloud ? to(slots.wanted(4)) : nullptr, to(slots.constants())});
+                                 op_.op.per_cloud ? to(slots.wanted(4)) : nullptr, slots.constants()});
   }
 
  private:

@@ -12,7 +12,7 @@ struct PointGradients {
   T* centres = nullptr;
   T* neighbours = nullptr;
   T* coefficients = nullptr;
-  T* constants = nullptr;
+  const Slot* constants = nullptr;
 };
 
 /// `queries`: what the layer's output has a row of. `given`: the gradient of the output; `in.out` is not
