@@ -2,13 +2,16 @@
 // double, on the tensors they meet in a training graph, and the executor when constants change.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
 #include "support/random_motion.hpp"
+#include "support/symmetry.hpp"
 #include "support/vulkan.hpp"
+#include "train/differentiator.hpp"
 #include "train/training_graph.hpp"
 #include "vk/network.hpp"
 
@@ -91,6 +94,16 @@ class Training : public testing::TestWithParam<Case> {
       const Pose pose = test::random_pose(random_);
       std::copy(pose.rotation.begin(), pose.rotation.end(), truth);
       std::copy(pose.translation.begin(), pose.translation.end(), truth + 9);
+      // No symmetry, any angle about an axis, quarter turns.
+      std::copy(ops::no_symmetry.begin(), ops::no_symmetry.end(), truth + ops::pose_numbers);
+      if (pair % 3 == 0) continue;
+      const Eigen::Vector3d axis = test::random_unit(random_);
+      for (int a = 0; a < 3; ++a) {
+        truth[ops::pose_numbers + a] = axis[a];
+        truth[ops::pose_numbers + 3 + a] = 0.3 * random_.normal();
+      }
+      truth[ops::pose_numbers + 6] = pair % 3 == 1 ? 0 : std::numbers::pi / 2;
+      test::any_symmetry(random_, pair, truth + ops::pose_numbers);
     }
     batch.run(*executor_, c.config.num_key_points, pool_);
   }
@@ -181,6 +194,72 @@ TEST(TrainingExecutor, RefusesOtherOperations) {
   const test::VulkanNetwork batch({{200, 90}}), other({{200, 90}}, config);
   vk::Executor executor(test::vulkan(), batch.graph, batch.capacity());
   EXPECT_THROW(executor.replace(other.graph), Failure);
+}
+
+// Pairs of clouds with poses, and what trains on them.
+struct Pairs {
+  std::vector<PointCloud> clouds;
+  std::vector<train::TrainingPair> pairs;
+
+  Pairs(Random& random, const std::vector<std::array<std::size_t, 2>>& sizes)
+      : clouds(test::CloudBatch(random, sizes).clouds) {
+    for (std::size_t i = 0; i < sizes.size(); ++i)
+      pairs.push_back({clouds[i], clouds[sizes.size() + i], test::random_pose(random)});
+  }
+};
+
+// The largest difference over the gradient's largest entry.
+double difference(const train::Gradients& one, const train::Gradients& exact) {
+  double worst = 0, largest = 0;
+  for (const auto& [name, matrix] : exact) {
+    worst = std::max(worst, (one.at(name) - matrix).cwiseAbs().maxCoeff());
+    largest = std::max(largest, matrix.cwiseAbs().maxCoeff());
+  }
+  return worst / largest;
+}
+
+// From step to step the weights, and how many points there are, change.
+void compare_steps(const ModelConfig& config, ops::LossKind loss) {
+  const auto pool = std::make_shared<cpu::ThreadPool>(2);
+  const Device cpu(pool), vulkan(pool, test::vulkan());
+  Random random(5);
+  const auto exact = train::make_differentiator(cpu, {}, {.loss = loss, .precision = Precision::f64});
+  const auto single = train::make_differentiator(cpu, {}, {.loss = loss});
+  const auto device = train::make_differentiator(vulkan, {}, {.loss = loss});
+  train::Gradients expected, rounded, found, again;
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const auto weights = test::perturbed_weights(config, seed);
+    const Pairs pairs(random, {{150, 200 - 20 * seed}, {97, 130}});
+    const double total = exact->evaluate(weights, pairs.pairs, expected).total();
+    const double float_total = single->evaluate(weights, pairs.pairs, rounded).total();
+    const double device_total = device->evaluate(weights, pairs.pairs, found).total();
+    // Where a neighbour list hangs on the last bit, float costs more, wherever it is computed.
+    EXPECT_NEAR(device_total, total, std::max(1e-4 * std::abs(total), 3 * std::abs(float_total - total)));
+    const double worst = difference(found, expected), float_worst = difference(rounded, expected);
+    EXPECT_LE(worst, std::max(1e-3, 3 * float_worst)) << seed;
+    testing::Test::RecordProperty("worst" + std::to_string(seed),
+                                  std::to_string(worst) + ", CPU " + std::to_string(float_worst));
+    device->evaluate(weights, pairs.pairs, again);
+    EXPECT_EQ(again, found) << seed;
+  }
+}
+
+TEST(TrainingStep, GradientsAreTheCpus) {
+  BITR_NEEDS_VULKAN();
+  compare_steps({}, ops::LossKind::direct);
+}
+
+TEST(TrainingStep, GradientsOfTheOfficialLossAreTheCpus) {
+  BITR_NEEDS_VULKAN();
+  compare_steps({}, ops::LossKind::official);
+}
+
+TEST(TrainingStep, GradientsOfATrainedModelAreTheCpus) {
+  BITR_NEEDS_VULKAN();
+  ModelConfig trained;
+  trained.neighbor_dilation = 4;
+  trained.relu_square = trained.centroid_offset = trained.return_normals = true;
+  compare_steps(trained, ops::LossKind::direct);
 }
 
 }  // namespace
