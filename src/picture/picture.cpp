@@ -1,0 +1,119 @@
+#include <algorithm>
+#include <bitr/io.hpp>
+#include <bitr/picture.hpp>
+#include <cmath>
+#include <string>
+
+#include "api/guarded.hpp"
+#include "core/failure.hpp"
+#include "picture/canvas.hpp"
+#include "picture/captions.hpp"
+#include "picture/scene.hpp"
+
+namespace bitr {
+namespace {
+
+using namespace picture;
+
+constexpr Colour white = {1, 1, 1}, black = {0.13F, 0.13F, 0.15F}, grey = {0.45F, 0.45F, 0.48F};
+constexpr double most_coordinate = 1e100;  // squares stay finite
+
+[[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
+
+void check(const PointCloud& cloud, const std::string& name) {
+  if (cloud.positions.empty()) refuse(name + ": no points to draw");
+  if (!cloud.normals.empty() && cloud.normals.size() != cloud.size())
+    refuse(name + ": " + std::to_string(cloud.normals.size()) + " normals for " +
+           std::to_string(cloud.size()) + " points");
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    for (const double x : cloud.positions[i])
+      if (!(std::abs(x) <= most_coordinate))
+        refuse(name + ": point " + std::to_string(i) +
+               " has a coordinate that is not finite or beyond 1e100");
+}
+
+void check(const Assembly& assembly) {
+  const auto finite = [](const auto& numbers) {
+    return std::all_of(numbers.begin(), numbers.end(),
+                       [](double x) { return std::abs(x) <= most_coordinate; });
+  };
+  const Pose& pose = assembly.T_reference_source;
+  if (!finite(pose.rotation) || !finite(pose.translation)) refuse("the pose is not finite");
+  if (!std::all_of(assembly.source_key_points.begin(), assembly.source_key_points.end(), finite) ||
+      !std::all_of(assembly.reference_key_points.begin(), assembly.reference_key_points.end(), finite))
+    refuse("a key point is not finite");
+}
+
+void check(const PictureOptions& options) {
+  if (options.width < 640 || options.width > 16384)
+    refuse("a picture's width of " + std::to_string(options.width) + " pixels is not in 640 ... 16384");
+  if (options.height < 240 || options.height > 16384)
+    refuse("a picture's height of " + std::to_string(options.height) + " pixels is not in 240 ... 16384");
+  if (!options.view) return;
+  const Eigen::Map<const Eigen::Matrix3d> view(options.view->data());
+  if (!((view * view.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-6) ||
+      !(view.determinant() > 0))
+    refuse("a picture's view is no rotation");
+}
+
+Colour darker(const Colour& colour, float by) { return {colour.r * by, colour.g * by, colour.b * by}; }
+
+// Over everything: key points lie inside the shape. The source's are smaller, so both show where they meet.
+void mark_key_points(Image& image, const Scene& scene, const Panel& panel) {
+  const auto size = static_cast<float>(scene.letter);
+  for (const Role role : {Role::reference, Role::source}) {
+    for (const Part& part : panel.parts) {
+      if (part.role != role) continue;
+      for (const Eigen::Vector3f& point : part.cloud->key_points) {
+        const Eigen::Vector3f at = scene.project(panel, point + part.offset);
+        draw_mark(image, at[0], at[1], (role == Role::source ? 1.5F : 2.5F) * size, 0.7F * size,
+                  darker(colour_of(role), 0.62F), white);
+      }
+    }
+  }
+}
+
+void write_captions(Image& image, const Scene& scene, const Panel& panel) {
+  const int top = image.height - scene.caption_height;
+  const auto centred = [&](const std::string& text, int line, const Colour& colour) {
+    const int left = static_cast<int>(std::lround(panel.middle[0])) - text_width(text) * scene.letter / 2;
+    draw_text(image, text, left, top + line * scene.letter, scene.letter, colour);
+  };
+  centred(panel.title, 2, panel.parts.size() > 1 ? black : darker(colour_of(panel.parts[0].role), 0.85F));
+  centred(panel.note, 15, grey);
+}
+
+}  // namespace
+
+Result<Image> render_picture(const PointCloud& source, const PointCloud& reference, const Assembly& assembly,
+                             const PictureOptions& options) {
+  return guarded([&]() -> Result<Image> {
+    check(source, "source");
+    check(reference, "reference");
+    check(assembly);
+    check(options);
+    const Scene scene(source, reference, assembly, options);
+    Image image = {.width = options.width, .height = options.height, .rgb = {}};
+    image.rgb.assign(std::size_t{3} * static_cast<std::size_t>(image.width) * image.height, 255);
+    for (const Panel& panel : scene.panels) {
+      Canvas canvas(panel.width, options.height - scene.caption_height);
+      for (const Part& part : panel.parts) canvas.draw(scene, panel, part);
+      canvas.resolve(image, panel.left);
+      mark_key_points(image, scene, panel);
+      write_captions(image, scene, panel);
+    }
+    return image;
+  });
+}
+
+Result<void> write_picture(const std::filesystem::path& path, const PointCloud& source,
+                           const PointCloud& reference, const Assembly& assembly,
+                           const PictureOptions& options) {
+  const auto image = render_picture(source, reference, assembly, options);
+  if (!image) return tl::unexpected(image.error());
+  const auto bytes = encode_png(*image);
+  if (!bytes) return tl::unexpected(bytes.error());
+  return io::write_file(path, *bytes);
+}
+
+}  // namespace bitr
