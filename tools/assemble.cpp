@@ -1,6 +1,7 @@
 // bitr assemble: one pair of clouds, its pose.
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
+#include <bitr/picture.hpp>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -17,7 +18,7 @@ namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, output, json, model, truth;
+  std::string source, reference, output, image, json, model, truth;
   bool complete_match = false, strict = false, verify = false;
   std::optional<std::uint64_t> points;
   std::uint64_t seed = 0, model_seed = 0;
@@ -65,25 +66,41 @@ Result<Model> choose_model(Options& options) {
 Result<void> check_outputs(const Options& options) {
   const std::vector<std::string> inputs = {options.source, options.reference, options.model, options.truth};
   if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
+  if (auto checked = check_output("--image", options.image, inputs); !checked) return checked;
   if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
-  if (auto checked = check_profile(options.run, inputs, {options.output, options.json}); !checked)
+  if (auto checked = check_profile(options.run, inputs, {options.output, options.image, options.json});
+      !checked)
     return checked;
   if (!options.output.empty() && options.output == options.json)
     return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
+  if (options.image == "-") return fail(ErrorCode::invalid_argument, "--image -: a picture needs a file");
+  for (const auto& [option, path] : {std::pair("--output", options.output), {"--json", options.json}})
+    if (!path.empty() && options.image == path)
+      return fail(ErrorCode::invalid_argument, "--image " + path + ": is the file of " + option + " too");
   if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
   return {};
 }
 
 Result<void> write_outputs(const Options& options, const Input& source, const Input& reference,
                            const AssemblyReport& report) {
-  if (!options.output.empty()) {
-    const PointCloud joined = joined_cloud(source.cloud, reference.cloud, report.assembly.T_reference_source);
-    if (auto written = io::write_ply(options.output, joined); !written) return written;
-  }
-  if (options.json.empty()) return {};
-  auto written = write_json(options.json, to_json(report));
+  Result<void> written;
+  std::vector<std::string> made;  // taken back when a later one fails
+  const auto write = [&](const std::string& path, const auto& how) {
+    if (!written || path.empty()) return;
+    written = how(path);
+    if (written) made.push_back(path);
+  };
+  const Assembly& assembly = report.assembly;
+  write(options.output, [&](const std::string& path) {
+    return io::write_ply(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
+  });
+  write(options.image, [&](const std::string& path) {
+    return write_picture(path, source.cloud, reference.cloud, assembly);
+  });
+  write(options.json, [&](const std::string& path) { return write_json(path, to_json(report)); });
   std::error_code ignored;
-  if (!written && !options.output.empty()) std::filesystem::remove(options.output, ignored);
+  for (const std::string& path : made)
+    if (!written && std::filesystem::is_regular_file(path, ignored)) std::filesystem::remove(path, ignored);
   return written;
 }
 
@@ -164,6 +181,8 @@ Command add_assemble(CLI::App& root) {
   app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
   app->add_option("-o,--output", options->output, "Write both clouds, assembled, to this PLY file")
+      ->type_name("FILE");
+  app->add_option("--image", options->image, "Draw both clouds, before and after, to this PNG file")
       ->type_name("FILE");
   add_json(*app, options->json);
   auto* model = app->add_option("--model", options->model, "Weights (.safetensors)")->type_name("FILE");

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <bitr/cloud.hpp>
+#include <limits>
 #include <vector>
 
 namespace bitr::picture {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <bitr/picture.hpp>
+#include <cstdint>
 #include <string>
 #include <vector>
 

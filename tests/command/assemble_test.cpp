@@ -137,6 +137,24 @@ TEST_F(Assemble, AssembledCloudIsBothInTheReferencesFrame) {
   EXPECT_NE(joined.colors[0], joined.colors[500]);
 }
 
+TEST_F(Assemble, PictureIsAPngAndChangesNothingElse) {
+  const auto result = [&](std::vector<std::string> options) {
+    options.insert(options.end(), {"--complete-match", "--json", "-"});
+    const Finished finished = run(copy, options);
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    auto json = nlohmann::json::parse(finished.out);
+    json.erase("timing_ms");
+    return json.dump();
+  };
+  const std::string image = folder.path("a.png"), again = folder.path("b.png");
+  EXPECT_EQ(result({"--image", image}), result({}));
+  result({"--image", again, "--threads", "1"});
+  const std::string bytes = read_text(image);
+  EXPECT_TRUE(bytes.starts_with("\x89PNG\r\n\x1a\n"));
+  EXPECT_GT(bytes.size(), 50'000u) << "an empty picture is smaller";
+  EXPECT_EQ(bytes, read_text(again));
+}
+
 TEST_F(Assemble, KeepsColoursThatBothCloudsHave) {
   PointCloud source = io::read_cloud(copy.source).value(), reference = io::read_cloud(copy.reference).value();
   source.colors.assign(source.size(), {1, 0, 0});

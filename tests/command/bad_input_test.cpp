@@ -117,17 +117,22 @@ TEST_F(BadInput, Outputs) {
     return std::vector<std::string>{good.source, good.reference, "--complete-match", option, path};
   };
   std::filesystem::create_directory(folder.path("sub"));
-  for (const std::string option : {"--output", "--json", "--profile"}) {
+  for (const std::string option : {"--output", "--image", "--json", "--profile"}) {
     refuse({"no such folder", output(option, folder.path("none/out")), "none/out"});
     refuse({"a folder", output(option, folder.path("sub")), "sub"});
     refuse({"an input", output(option, good.source), "input"});
     if (geteuid() != 0) refuse({"not allowed", output(option, "/proc/out"), "/proc/out"});
   }
   refuse({"a cloud on standard output", output("-o", "-"), "file"});
+  refuse({"a picture on standard output", output("--image", "-"), "file"});
   refuse({"a trace on standard output", output("--profile", "-"), "file"});
   const std::string same = folder.path("same");
   refuse(
       {"a trace into the result", {good.source, good.reference, "--profile", same, "--json", same}, "same"});
+  refuse(
+      {"a picture into the cloud", {good.source, good.reference, "-o", same, "--image", same}, "--output"});
+  refuse(
+      {"a picture into the result", {good.source, good.reference, "--image", same, "--json", same}, "same"});
   refuse({"one file for both", {good.source, good.reference, "-o", same, "--json", same}, "same"});
 }
 
