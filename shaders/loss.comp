@@ -1,7 +1,7 @@
 // loss.comp: how far a pair is from its true pose, and how its key points spread, a work group per pair; see
 // src/ops/loss.hpp.
 // in  0 estimate f32[B,E]    OFFICIAL: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
-// in  1 truth    f32[B,12]   R (9, row-major), t (3)
+// in  1 truth    f32[B,20]   as in src/ops/loss.hpp
 // in  2 keys     f32[2B·K,4] xyz; sources', then references'
 // out 3 terms    f32[B,4]    rotation, translation, spread, 0
 // spec 0 WORKGROUP=128  1 OFFICIAL | grid pairs | shared 0.5 KiB
@@ -48,18 +48,18 @@ void main() {
 
   const vec4 e0 = estimate[pair * E4], e1 = estimate[pair * E4 + 1], e2 = estimate[pair * E4 + 2];
   const vec4 e3 = estimate[pair * E4 + 3];
-  const Truth t = truth_of(truth[pair * 3], truth[pair * 3 + 1], truth[pair * 3 + 2]);
+  // Columns are rows of the estimate's matrix: of R, or of r, which is stored transposed.
+  const mat3 rows = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
+  const Truth t = truth_of(truth[pair * 5], truth[pair * 5 + 1], truth[pair * 5 + 2], truth[pair * 5 + 3],
+                           truth[pair * 5 + 4], OFFICIAL ? transpose(rows) : rows);
   float rotation, translation;
   if (OFFICIAL) {
-    // Rows of R are the columns of its transpose.
-    const mat3 turned = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
-    rotation = square(t.R * turned - mat3(1)) / 9.0;
+    rotation = square(t.R * rows - mat3(1)) / 9.0;
     const vec3 off = t.t - e2.yzw;
     translation = dot(off, off) / 3.0;
   } else {
     const vec4 e4 = estimate[pair * E4 + 4], e5 = estimate[pair * E4 + 5];
-    const mat3 r = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
-    const mat3 error = r / max(sqrt(square(r)), MATRIX_NORM_FLOOR) - INVERSE_SQRT3 * t.R;
+    const mat3 error = rows / max(sqrt(square(rows)), MATRIX_NORM_FLOOR) - INVERSE_SQRT3 * t.R;
     rotation = DIRECT_ROTATION_WEIGHT / 9.0 * square(error);
     const vec3 first = e2.yzw + vec3(e3.w, e4.xy), second = e3.xyz + vec3(e4.zw, e5.x);
     const vec3 off = second - t.R * first - t.t;

@@ -1,7 +1,7 @@
 // loss_gradient.comp: of the mean over pairs of the loss's terms, with respect to the estimate and to the key points,
 // a work group per cloud; the source's does the pair's estimate. See src/ops/loss.hpp.
 // in  0 estimate   f32[B,E]    OFFICIAL: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
-// in  1 truth      f32[B,12]   R (9, row-major), t (3)
+// in  1 truth      f32[B,20]   as in src/ops/loss.hpp
 // in  2 keys       f32[2B·K,4] xyz; sources', then references'
 // out 3 d_estimate f32[B,E]    if ESTIMATE
 // out 4 d_keys     f32[2B·K,4] if KEYS
@@ -30,21 +30,22 @@ layout(push_constant) uniform Push { KeyParameters p; };
 void estimate_gradient(uint pair) {
   const vec4 e0 = estimate[pair * E4], e1 = estimate[pair * E4 + 1], e2 = estimate[pair * E4 + 2];
   const vec4 e3 = estimate[pair * E4 + 3];
-  const Truth t = truth_of(truth[pair * 3], truth[pair * 3 + 1], truth[pair * 3 + 2]);
+  // Columns are rows of the estimate's matrix: of R, or of r, which is stored transposed.
+  const mat3 rows = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
+  const Truth t = truth_of(truth[pair * 5], truth[pair * 5 + 1], truth[pair * 5 + 2], truth[pair * 5 + 3],
+                           truth[pair * 5 + 4], OFFICIAL ? transpose(rows) : rows);
   const float share = 1.0 / float(p.pairs);
   // Columns of `along` are rows of the estimate's matrix.
   mat3 along;
   vec3 first, second;
   if (OFFICIAL) {
-    const mat3 turned = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
-    along = share * 2.0 / 9.0 * (transpose(t.R) * (t.R * turned - mat3(1)));
+    along = share * 2.0 / 9.0 * (transpose(t.R) * (t.R * rows - mat3(1)));
     first = -share * 2.0 / 3.0 * (t.t - e2.yzw);
     second = vec3(0);
   } else {
     const vec4 e4 = estimate[pair * E4 + 4], e5 = estimate[pair * E4 + 5];
-    const mat3 r = mat3(e0.xyz, vec3(e0.w, e1.xy), vec3(e1.zw, e2.x));
-    const float length = sqrt(square(r)), norm = max(length, MATRIX_NORM_FLOOR);
-    const mat3 unit = r / norm;
+    const float length = sqrt(square(rows)), norm = max(length, MATRIX_NORM_FLOOR);
+    const mat3 unit = rows / norm;
     along = share * DIRECT_ROTATION_WEIGHT * 2.0 / 9.0 * (unit - INVERSE_SQRT3 * t.R);
     if (length >= MATRIX_NORM_FLOOR)
       along -= (dot(along[0], unit[0]) + dot(along[1], unit[1]) + dot(along[2], unit[2])) * unit;

@@ -1,3 +1,4 @@
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -19,9 +20,21 @@ Eigen::Matrix<double, Size, 1> row_of(const Slot& slot, std::size_t row) {
       .template cast<double>();
 }
 
+// The true pose nearest to an estimate of the rotation, whatever its length.
 struct Truth {
-  explicit Truth(const Eigen::Matrix<double, ops::truth_width, 1>& row)
-      : R(Eigen::Map<const RowMatrix3>(row.data())), t(row.tail<3>()) {}
+  Truth(const Eigen::Matrix<double, ops::truth_width, 1>& row, const Matrix3d& estimate)
+      : R(Eigen::Map<const RowMatrix3>(row.data())), t(row.segment<3>(9)) {
+    const Vector3d axis = row.segment<3>(12), centre = row.segment<3>(15);
+    const double step = row[18];
+    const Matrix3d A = R.transpose() * estimate;
+    // ⟨A, S(θ)⟩ is largest here.
+    const Vector3d skew(A(2, 1) - A(1, 2), A(0, 2) - A(2, 0), A(1, 0) - A(0, 1));
+    double angle = std::atan2(axis.dot(skew), A.trace() - axis.dot(A * axis));
+    if (step > 0) angle = step * std::round(angle / step);
+    const Matrix3d S = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+    t += R * (centre - S * centre);
+    R = R * S;
+  }
   Matrix3d R;
   Vector3d t;
 };
@@ -31,9 +44,12 @@ struct Terms {
   double rotation = 0, translation = 0;
 };
 
-Terms official(const Eigen::Matrix<double, ops::pose_width, 1>& pose, const Truth& truth,
+using TruthRow = Eigen::Matrix<double, ops::truth_width, 1>;
+
+Terms official(const Eigen::Matrix<double, ops::pose_width, 1>& pose, const TruthRow& row,
                Eigen::Matrix<double, ops::pose_width, 1>* gradient) {
   const Matrix3d R = Eigen::Map<const RowMatrix3>(pose.data());
+  const Truth truth(row, R);
   const Matrix3d rotation = truth.R * R.transpose() - Matrix3d::Identity();
   const Vector3d translation = truth.t - pose.segment<3>(9);
   if (gradient) {
@@ -44,9 +60,10 @@ Terms official(const Eigen::Matrix<double, ops::pose_width, 1>& pose, const Trut
   return {rotation.squaredNorm() / 9, translation.squaredNorm() / 3};
 }
 
-Terms direct(const Eigen::Matrix<double, ops::piece_count, 1>& pieces, const Truth& truth,
+Terms direct(const Eigen::Matrix<double, ops::piece_count, 1>& pieces, const TruthRow& row,
              Eigen::Matrix<double, ops::piece_count, 1>* gradient) {
   const Matrix3d r = Eigen::Map<const RowMatrix3>(pieces.data()).transpose();
+  const Truth truth(row, r);
   const double length = r.norm(), norm = std::max(length, ops::matrix_norm_floor);
   const Matrix3d error = r / norm - truth.R / std::sqrt(3.0);
   const Vector3d first = pieces.segment<3>(9) + pieces.segment<3>(15),
@@ -93,9 +110,8 @@ Eigen::Matrix3Xd keys_of(const Arguments& args, std::uint32_t cloud) {
 template <class T, int Width, class Term>
 Terms pose_terms(const Arguments& args, std::uint32_t pair, Term term, double share, T* to) {
   Eigen::Matrix<double, Width, 1> gradient;
-  const Terms terms =
-      term(row_of<Width, T>(args.in[estimate_input], pair),
-           Truth(row_of<ops::truth_width, T>(args.in[truth_input], pair)), to ? &gradient : nullptr);
+  const Terms terms = term(row_of<Width, T>(args.in[estimate_input], pair),
+                           row_of<ops::truth_width, T>(args.in[truth_input], pair), to ? &gradient : nullptr);
   if (to) Eigen::Map<Eigen::Matrix<T, Width, 1>>(to + pair * Width) = (share * gradient).template cast<T>();
   return terms;
 }

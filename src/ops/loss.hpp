@@ -5,20 +5,30 @@
 //   direct    2.7 · mean((r̂/max(|r̂|, 1e-5) − R_gt/√3)²),  √(|p₂ − R_gt p₁ − t_gt|² + 1e-4), nothing projected
 //   both      spread: −0.1 · Σ over both clouds of mean_{c,c'} min(|x_c − x_c'|₁, 0.1), all pairs of key
 //   points
-// in  official: pose T[pairs, 16]; direct: pieces T[pairs, 21]
-// in  truth T[pairs, 12]: R_gt (9, row-major), t_gt (3)     in  key points T[clouds·K, 3]
+// A shape that a turn about an axis maps to itself has many true poses: R_gt and t_gt are then the one
+// nearest to the estimate, R_gt S and t_gt + R_gt (c − S c), with the S that has the largest ⟨R or r̂, R_gt
+// S⟩. in  official: pose T[pairs, 16]; direct: pieces T[pairs, 21] in  truth T[pairs, 20]: R_gt (9,
+// row-major), t_gt (3); in the source's frame the unit axis (3) and a point c on
+//     it (3); the smallest turn in radians (1), of which S is a multiple: 0 for any angle, 2π for none; 0 (1)
+// in  key points T[clouds·K, 3]
 // out T[pairs, 3]: rotation, translation, spread
 // Its gradient is that of the mean over pairs of their sum, so that it is given none. |r̂| counts as a
-// constant where it is floored only.
+// constant where it is floored only, S everywhere.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <numbers>
 
 namespace bitr::ops {
 
 enum class LossKind : std::uint8_t { official, direct };
 
-constexpr int truth_width = 12;
+constexpr int truth_width = 20;
+constexpr int pose_numbers = 12;  ///< of the truth
+/// The other numbers of a shape without symmetry.
+constexpr std::array<double, truth_width - pose_numbers> no_symmetry = {
+    0, 0, 1, 0, 0, 0, 2 * std::numbers::pi, 0};
 constexpr int loss_terms = 3;
 constexpr double spread_weight = 0.1, spread_reach = 0.1;
 constexpr double direct_rotation_weight = 2.7, direct_softening = 1e-4;

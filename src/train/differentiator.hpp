@@ -2,16 +2,20 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
+#include <bitr/generate.hpp>
 
 #include "model/weights.hpp"
 #include "ops/loss.hpp"
 
 namespace bitr::train {
 
-/// Two clouds and the motion that joins them: x_reference = R x_source + t.
+/// Two clouds and the motion that joins them: x_reference = R x_source + t. Where the object has a symmetry,
+/// the loss compares with the one of its true poses that is nearest (ops/loss.hpp).
 struct TrainingPair {
   CloudView source, reference;
   Pose T_reference_source;
+  Pose T_source_object = {};  ///< from the frame of the object, in which its symmetry is given
+  Symmetry symmetry = {};
 };
 
 /// Means over the pairs of a batch (ops/loss.hpp).

@@ -139,7 +139,8 @@ LossTerms Trainer::evaluate(std::span<double> gradient, double& waited) {
     waited += std::chrono::duration<double>(Clock::now() - start).count();
     pairs.clear();
     for (const DataSample& sample : batch)
-      pairs.push_back({sample.source, sample.reference, sample.T_reference_source});
+      pairs.push_back({sample.source, sample.reference, sample.T_reference_source, sample.T_source_object,
+                       sample.symmetry});
     try {
       const LossTerms loss = differentiator_->evaluate(weights_, pairs, gradients_);
       add_gradients(weights_, gradients_, 1.0 / static_cast<double>(options_.accumulate), gradient);
