@@ -21,7 +21,7 @@ std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 class PairAttentionKernel : public Kernel {
  public:
   PairAttentionKernel(const Site& site, const ops::PairAttention& op)
-      : op_(op),
+      : op_(without_tables(op)),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         messages_(site, op) {

@@ -35,7 +35,7 @@ void require_shared(std::uint32_t bytes) {
 }
 
 PairMessages::PairMessages(const Site& site, const ops::PairAttention& op)
-    : op_(op),
+    : op_(without_tables(op)),
       k_(number(site.in[1].per_row)),
       capabilities_(site.context.capabilities()),
       fiber_(irreps::concatenate(op.value_fiber, op.key_fiber)) {

@@ -101,7 +101,6 @@ class Packer {
   // From (freq, output channels, input channels) to (freq, input channels in vec4s, output channels), a
   // column after the other.
   void add_columns(Numbers& to, const ops::PairBlock& block, const MatrixXd& columns) const {
-    const Eigen::MatrixXf single = columns.cast<float>();
     const int inputs = block.in_channels, padded_inputs = 4 * in_vectors_;
     std::size_t at = to.size();
     to.resize(at +
@@ -111,8 +110,8 @@ class Packer {
         for (int c = 0; c < padded_inputs; c += 4)
           for (int o = 0; o < block.out_channels; ++o, at += 4)
             for (int i = 0; i < std::min(4, inputs - c); ++i)
-              to[at + i] =
-                  std::bit_cast<std::uint32_t>(single((f * block.out_channels + o) * inputs + c + i, column));
+              to[at + i] = std::bit_cast<std::uint32_t>(
+                  static_cast<float>(columns((f * block.out_channels + o) * inputs + c + i, column)));
   }
 
   // The network's last layer in the coefficients' order, its offset as one more column.
@@ -153,5 +152,22 @@ class Packer {
 }  // namespace
 
 PairTables pack_pair_tables(const ops::PairAttention& op) { return Packer(op).pack(); }
+
+ops::PairAttention without_tables(const ops::PairAttention& op) {
+  return {.heads = op.heads,
+          .fiber_in = op.fiber_in,
+          .fiber_out = op.fiber_out,
+          .value_fiber = op.value_fiber,
+          .key_fiber = op.key_fiber,
+          .blocks = op.blocks,
+          .tables = {},
+          .coefficient_count = op.coefficient_count,
+          .query = op.query,
+          .project = op.project,
+          .self = op.self,
+          .relu = op.relu,
+          .planes = op.planes,
+          .relu_square = op.relu_square};
+}
 
 }  // namespace bitr::vk

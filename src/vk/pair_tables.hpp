@@ -25,4 +25,7 @@ struct PairTables {
 /// Throws Failure (`unsupported`) for a layer without the blocks of all four degrees.
 PairTables pack_pair_tables(const ops::PairAttention& op);
 
+/// All but the radial tables, which are most of a layer and of no use once packed.
+ops::PairAttention without_tables(const ops::PairAttention& op);
+
 }  // namespace bitr::vk
