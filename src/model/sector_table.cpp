@@ -205,7 +205,10 @@ class Divider {
     for (Eigen::Index j = 0; j < w.rows(); ++j) {
       // g·(x, y) = −b means (g·u)² = b² q(u).
       const Vector2d g = first_map.row(j).transpose();
-      quadrant.add_roots(quadrant.quadratic(g * g.transpose() - net_.bias1[j] * net_.bias1[j] * q), first);
+      if (negligible(net_.bias1[j], g))
+        quadrant.add_roots(quadrant.linear(g), first);
+      else
+        quadrant.add_roots(quadrant.quadratic(g * g.transpose() - net_.bias1[j] * net_.bias1[j] * q), first);
     }
     first = with_ends(std::move(first), 0, quarter_turn);
     for (std::size_t s = 0; s + 1 < first.size(); ++s) {
@@ -229,6 +232,22 @@ class Divider {
     return {u[0] / std::sqrt(variance), u[1] / std::sqrt(variance), 1};
   }
 
+  // Squares of what crosses zero only touch it: where a bias (0 in new models) leaves nothing else, the
+  // equation is taken as it is.
+  template <class Vector>
+  static bool negligible(double bias, const Vector& g) {
+    return std::abs(bias) <= 1e-7 * g.norm();
+  }
+  // g·p = 0, which is g₁₂·u = −g₃√q(u).
+  static void add_plane_roots(const Fan& fan, const Vector3d& g, const Poly<3>& variance,
+                              std::vector<double>& angles) {
+    const Poly<2> line = fan.linear(g.head<2>());
+    if (negligible(g[2], g.head<2>()))
+      fan.add_roots(line, angles);
+    else
+      fan.add_roots(line * line - Poly<1>{g[2] * g[2]} * variance, angles);
+  }
+
   void divide_second(const MatrixXd& affine, const ArrayXd& d1, double low, double high) {
     const Matrix3d Q = affine.transpose() * affine / static_cast<double>(affine.rows());
     std::vector<double> inner;
@@ -237,6 +256,10 @@ class Divider {
     for (Eigen::Index j = 0; j < affine.rows(); ++j) {
       // g·p = −b√Q(p) means S(p) = (g·p)² − b²Q(p) = 0; with p ∝ (u, √q(u)), S = α(u) + β(u)√q(u).
       const Vector3d g = net_.gain2[j] * affine.row(j).transpose();
+      if (negligible(net_.bias2[j], g)) {
+        add_plane_roots(fan, g, variance, inner);
+        continue;
+      }
       const Matrix3d S = g * g.transpose() - net_.bias2[j] * net_.bias2[j] * Q;
       const Poly<3> alpha = fan.quadratic(S.topLeftCorner<2, 2>() + S(2, 2) * q);
       const Poly<2> beta = fan.linear(2 * S.topRightCorner<2, 1>());

@@ -82,10 +82,10 @@ struct Layer {
   }
 };
 
-std::vector<Layer> layers(int seed, Mode mode) {
+std::vector<Layer> layers(int seed, Mode mode, double perturbation = 0.5) {
   ModelConfig config;
   config.num_layers = 1;
-  const auto graph = model::build_graph(test::perturbed_weights(config, seed, 0.5), mode);
+  const auto graph = model::build_graph(test::perturbed_weights(config, seed, perturbation), mode);
   std::vector<Layer> found;
   for (const auto& node : graph.nodes)
     if (const auto* layer = std::get_if<ops::AttentionLayer>(&node.op); layer && layer->sides == 2)
@@ -114,6 +114,17 @@ TEST_P(SectorTable, EqualsTheNetworkAtAnyLengthWithoutEps) {
       const double angle = random_.uniform(0, std::numbers::pi / 2), r = std::pow(10, random_.uniform(-6, 6));
       expect_equal(layer, r * std::cos(angle), r * std::sin(angle));
     }
+}
+
+// Biases of exactly or nearly 0, as new models have them: what the sectors divide at then only touches 0 when
+// it is squared.
+TEST_P(SectorTable, EqualsTheNetworkWithHardlyAnyBias) {
+  for (const double perturbation : {0.0, 1e-12, 1e-8, 1e-6, 1e-4})
+    for (const Layer& layer : layers(GetParam(), Mode::scale_exact, perturbation))
+      for (int i = 0; i < 400; ++i) {
+        const double angle = random_.uniform(0, std::numbers::pi / 2);
+        expect_equal(layer, std::cos(angle), std::sin(angle));
+      }
 }
 
 TEST_P(SectorTable, EqualsTheNetworkOnAndBesideTheRays) {
