@@ -51,9 +51,13 @@ class KnnCase {
     for (std::uint32_t s = 0; s < layout_.segments(query_rows); ++s)
       for (std::size_t row = layout_.begin(query_rows, s); row < layout_.begin(query_rows, s + 1);
            row += step) {
-        const auto expected = test::nearest_rows(&q[row * op.dim], r.data(), layout_.begin(reference_rows, s),
-                                                 layout_.begin(reference_rows, s + 1),
-                                                 op.exclude_self ? row : std::size_t(-1), op.k, op.dim);
+        const auto nearest =
+            test::nearest_rows(&q[row * op.dim], r.data(), layout_.begin(reference_rows, s),
+                               layout_.begin(reference_rows, s + 1), op.exclude_self ? row : std::size_t(-1),
+                               op.k * op.dilation, op.dim);
+        std::vector<std::uint32_t> expected;
+        for (int n = op.dilation - 1; n < op.k * op.dilation; n += op.dilation)
+          expected.push_back(nearest[n]);
         const std::vector<std::uint32_t> got(found.begin() + row * op.k, found.begin() + (row + 1) * op.k);
         ASSERT_EQ(got, expected) << "query " << row << ", lattice " << lattice << ", k " << op.k << ", dim "
                                  << op.dim;
@@ -113,6 +117,38 @@ TEST(Knn, SeventyThousandPoints) {
 }
 
 // All points on one spot but one.
+TEST(Knn, EverySoMany) {
+  for (const int lattice : lattices) {
+    KnnCase({97, 150, 333, 260}, 8)
+        .check_both({.k = 24, .dilation = 4, .dim = 3, .exclude_self = true}, Rows::point, Rows::point,
+                    lattice);
+    KnnCase({97, 150}, 8)
+        .check_both({.k = 5, .dilation = 3, .dim = 3, .exclude_self = false}, Rows::key, Rows::point,
+                    lattice);
+    // By the tree.
+    KnnCase({5000, 97}, 8)
+        .check_both({.k = 24, .dilation = 4, .dim = 3, .exclude_self = true}, Rows::point, Rows::point,
+                    lattice, 101);
+  }
+  // In parts.
+  KnnCase({40000, 200}, 8)
+      .check_both({.k = 8, .dilation = 3, .dim = 3, .exclude_self = false}, Rows::key, Rows::point, 0);
+}
+
+TEST(Knn, VulkanSaysHowManyItFinds) {
+  if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
+  const BatchLayout layout(std::vector<std::uint32_t>{200, 200}, 4);
+  const vk::Site site{*test::vulkan(), {{}, {}}, {{}}, layout};
+  try {
+    vk::kernel_for(site, ops::Knn{.k = 40, .dilation = 4});
+    ADD_FAILURE();
+  } catch (const Failure& failure) {
+    EXPECT_EQ(failure.error().code, ErrorCode::unsupported);
+    EXPECT_NE(failure.error().message.find("160"), std::string::npos) << failure.error().message;
+    EXPECT_NE(failure.error().message.find("128"), std::string::npos) << failure.error().message;
+  }
+}
+
 TEST(Knn, PointsOnOneSpot) {
   OpTensor points{Rows::point, 1, 3, false, std::vector<double>(3 * 1000, 0.25), {}};
   points.values[3 * 500] = 7;
