@@ -1,5 +1,6 @@
 // gather_edges.comp: what a row's own record holds for it, and what the edges from it send, summed in the order of the
-// edges; or what the edges to it get less what those from it send. An invocation per row and four columns.
+// edges; or what the edges to it get less what those from it send. An invocation per row and PART of its vec4s, which
+// share a cache line.
 // in  0 begins u32[P]      where a row's edges begin in list[]
 // in  1 counts u32[P]
 // in  2 list   u32[Q·K]
@@ -7,9 +8,11 @@
 // in  4 record f32[Q,4·RECORD] from first_row on
 // in  5 tiles  u32[tiles,4]
 // out 6 result f32[P,F]
-// spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS  5 EDGE  6 AT  7 K≤64 | grid (tiles, QUADS) | shared 0 KiB
+// spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS  5 EDGE  6 AT  7 K≤64  8 PART
+// grid (tiles, ceil(QUADS / PART)) | shared 0 KiB
 // loops ≤ K + edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
 
@@ -21,6 +24,7 @@ layout(constant_id = 4) const uint FLAGS = 3;
 layout(constant_id = 5) const uint EDGE = 4;     // vec4s of an edge
 layout(constant_id = 6) const uint AT = 0;       // where the columns begin in them
 layout(constant_id = 7) const uint K = 24;
+layout(constant_id = 8) const uint PART = 4;
 
 const bool HAS_OWN = (FLAGS & 1u) != 0u, HAS_EDGES = (FLAGS & 2u) != 0u, BOTH_ENDS = (FLAGS & 4u) != 0u;
 
@@ -33,18 +37,31 @@ layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 6) writeonly buffer Result { vec4 result[]; };
 layout(push_constant) uniform Push { GatherParameters p; };
 
+// The last part repeats what the one before it has, where QUADS is no multiple of PART.
 void main() {
   const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
-  const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1), quad = gl_WorkGroupID.y;
-  vec4 sum = vec4(0);
-  if (HAS_OWN) sum = record[(row - p.first_row) * RECORD + OWN + quad];
+  const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1);
+  const uint first = min(gl_WorkGroupID.y * PART, QUADS - PART);
+  vec4 sum[PART];
+  [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = vec4(0);
+  if (HAS_OWN) {
+    [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = record[(row - p.first_row) * RECORD + OWN + first + i];
+  }
   if (HAS_EDGES) {
     const uint begin = begins[row], end = begin + counts[row];
-    for (uint i = begin; i < end; ++i) sum += edges[(list[i] - p.first_edge) * EDGE + AT + quad];
+    for (uint e = begin; e < end; ++e) {
+      const uint at = (list[e] - p.first_edge) * EDGE + AT + first;
+      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += edges[at + i];
+    }
   }
   if (BOTH_ENDS) {
-    sum = -sum;
-    for (uint j = 0; j < K; ++j) sum += edges[(row * K + j - p.first_edge) * EDGE + AT + quad];
+    [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = -sum[i];
+    for (uint j = 0; j < K; ++j) {
+      const uint at = (row * K + j - p.first_edge) * EDGE + AT + first;
+      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += edges[at + i];
+    }
   }
-  if (tile.y + gl_LocalInvocationID.x < tile.z) result[row * QUADS + quad] = sum;
+  if (tile.y + gl_LocalInvocationID.x < tile.z) {
+    [[unroll]] for (uint i = 0; i < PART; ++i) result[row * QUADS + first + i] = sum[i];
+  }
 }

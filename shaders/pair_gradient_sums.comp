@@ -1,5 +1,5 @@
 // pair_gradient_sums.comp: the gradient of a radial table's columns, sector by sector, summed over edges in their order;
-// an invocation per sector and four coefficients.
+// an invocation per sector and eight coefficients.
 // in  0 begins  u32[TABLES,SECTORS+1] of a sector's edges in its table's list
 // in  1 lists   u32[TABLES,E]
 // in  2 factors f32[TABLES+1,E,4]     of the columns
@@ -8,7 +8,7 @@
 //                                     channels in, channels out, vec4 in d_coefficients[]
 // mod 5 result  f32[R]                ops/constants.hpp
 // spec 0 WORKGROUP=32  1 SECTORS  2 TABLES  3 IN4  4 D
-// grid (ceil(vec4s of a table / WORKGROUP), SECTORS, TABLES) | shared 0 KiB
+// grid (ceil(sectors · pairs of vec4s of a table / WORKGROUP), TABLES) | shared 0 KiB
 // loops ≤ E < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -29,27 +29,35 @@ layout(set = 0, binding = 5) buffer Result { float result[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
 
 void main() {
-  const uint quad = gl_GlobalInvocationID.x, sector = gl_WorkGroupID.y, table = gl_WorkGroupID.z;
+  const uint number = gl_GlobalInvocationID.x, table = gl_WorkGroupID.y;
   const uvec4 sizes = tables[2u * table], more = tables[2u * table + 1u];
   const uint in_channels = more.y, out_channels = more.z, rows = more.x / (in_channels * out_channels);
   const uint quads = rows * IN4 * out_channels;
-  const bool inside = sector < sizes.y && quad < quads;
-  const uint at = table * (SECTORS + 1u) + sector;
+  const uint units = (quads + 1u) / 2u, sector = number / units, first = number % units * 2u;
+  const bool inside = sector < sizes.y;
+  const uint at = table * (SECTORS + 1u) + min(sector, SECTORS - 1u);
   const uint begin = begins[at], end = inside ? begins[at + 1u] : begin;
-  const uint column = more.w + min(quad, quads - 1u);
-  vec4 sum[4];
-  [[unroll]] for (int k = 0; k < 4; ++k) sum[k] = vec4(0);
+  const uint column = more.w + first, second = more.w + min(first + 1u, quads - 1u);
+  vec4 sum[2][4];
+  [[unroll]] for (int k = 0; k < 4; ++k) sum[0][k] = sum[1][k] = vec4(0);
   for (uint i = begin; i < end; ++i) {
     const uint edge = lists[table * p.edges + i];
-    const vec4 x = factors[table * p.edges + edge], d = d_coefficients[edge * D + column];
-    [[unroll]] for (int k = 0; k < 4; ++k) sum[k] += x[k] * d;
+    const vec4 x = factors[table * p.edges + edge];
+    const vec4 d0 = d_coefficients[edge * D + column], d1 = d_coefficients[edge * D + second];
+    [[unroll]] for (int k = 0; k < 4; ++k) {
+      sum[0][k] += x[k] * d0;
+      sum[1][k] += x[k] * d1;
+    }
   }
-  const uint row = quad / (IN4 * out_channels), c = quad / out_channels % IN4, o = quad % out_channels;
-  const uint to = sizes.x + sector * sizes.z + (row * out_channels + o) * in_channels + 4u * c;
-  [[unroll]] for (int k = 0; k < 4; ++k)
-    [[unroll]] for (int i = 0; i < 4; ++i)
-      if (inside && k < sizes.w && 4u * c + i < in_channels) {
-        const uint number = to + k * more.x + i;
-        result[number] = sum[k][i] + (p.add > 0u ? result[number] : 0.0);
-      }
+  [[unroll]] for (uint part = 0; part < 2; ++part) {
+    const uint quad = first + part;
+    const uint row = quad / (IN4 * out_channels), c = quad / out_channels % IN4, o = quad % out_channels;
+    const uint to = sizes.x + sector * sizes.z + (row * out_channels + o) * in_channels + 4u * c;
+    [[unroll]] for (int k = 0; k < 4; ++k)
+      [[unroll]] for (int i = 0; i < 4; ++i)
+        if (inside && quad < quads && k < sizes.w && 4u * c + i < in_channels) {
+          const uint place = to + k * more.x + i;
+          result[place] = sum[part][k][i] + (p.add > 0u ? result[place] : 0.0);
+        }
+  }
 }

@@ -1,6 +1,6 @@
 // point_attention_sums.comp: first half of the gradient of one-sided attention, an invocation per centre: what the
-// layer sums over a row's edges, and the gradient before its projected ReLU; see src/ops/point_attention.hpp. Tiles
-// with edges of length zero are flagged, and done again by a variant that knows them.
+// layer sums over a row's edges, and the gradient before its projected ReLU; see src/ops/point_attention.hpp. Rows with
+// edges of length zero are flagged, and their tiles done again by a variant that knows such edges.
 // in  0 features     f32[P,F]      C0 scalars, C1 vectors (y,z,x); padded to F, a multiple of 4
 // in  1 index        u32[Q,K]      from first_row on
 // in  2 centres      f32[Q,4]      xyz
@@ -42,7 +42,7 @@ float given0[OUT0 > 0 && OUT1 > 0 ? OUT0 : 1];
 vec3 given1[AT_LEAST_OUT1];
 vec3 linear[AT_LEAST_OUT1], mixed[AT_LEAST_OUT1];
 
-void sum_edges(uint row, uint first_edge) {
+void sum_edges(uint row, uint first_edge, uint at, bool inside) {
   [[unroll]] for (int h = 0; h < HEADS; ++h) {
     largest[h] = UNIFORM ? 0.0 : uintBitsToFloat(0xff800000u);
     total[h] = 0.0;
@@ -85,7 +85,7 @@ void sum_edges(uint row, uint first_edge) {
     [[unroll]] for (int i = 0; i < Z0; ++i) zero_sum0[h * Z0 + i] *= total[h];
     [[unroll]] for (int i = 0; i < Z1; ++i) zero_sum1[h * Z1 + i] *= total[h];
   }
-  if (!ZERO && zero > 0u) atomicOr(flagged[0], 1u);
+  if (inside) record[at + STATE] = vec4(uintBitsToFloat(zero), 0, 0, 0);
 }
 
 void load_given(uint row) {
@@ -225,7 +225,7 @@ void sum_row(uvec4 tile) {
   const uint at = (row - p.first_row) * RECORD;
   cloud = tile.x;
   if (!UNIFORM) make_queries(row);
-  sum_edges(row, (row - p.first_row) * K);
+  sum_edges(row, (row - p.first_row) * K, at, inside);
   if (OUT1 > 0) {
     load_given(row);
     if (RELU) differentiate_relu();
@@ -237,16 +237,10 @@ void sum_row(uvec4 tile) {
 }
 
 void main() {
-  const uint lane = gl_LocalInvocationID.x;
   if (ZERO) {
     const uint count = list_flagged();
     for (uint i = 0; i < count; ++i) sum_row(tiles[list[i]]);
   } else {
-    if (lane == 0u) flagged[0] = 0u;
-    barrier();
-    const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
-    sum_row(tile);
-    barrier();
-    if (lane == 0u) record[(tile.y - p.first_row) * RECORD + STATE] = vec4(uintBitsToFloat(flagged[0]), 0, 0, 0);
+    sum_row(tiles[p.first_tile + gl_WorkGroupID.x]);
   }
 }

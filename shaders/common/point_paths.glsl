@@ -115,8 +115,11 @@ shared uint flagged[TILES], list[TILES];
 uint list_flagged() {
   const uint tile = gl_WorkGroupID.x * TILES + gl_LocalInvocationID.x;
   if (gl_LocalInvocationID.x < TILES) {
-    const uint row = tiles[p.first_tile + min(tile, p.tiles - 1u)].y - p.first_row;
-    flagged[gl_LocalInvocationID.x] = tile < p.tiles ? floatBitsToUint(record[row * RECORD + STATE].x) : 0u;
+    const uvec4 rows = tiles[p.first_tile + min(tile, p.tiles - 1u)];
+    uint any = 0u;
+    for (uint row = rows.y; row < rows.z; ++row)
+      any |= floatBitsToUint(record[(row - p.first_row) * RECORD + STATE].x);
+    flagged[gl_LocalInvocationID.x] = tile < p.tiles ? any : 0u;
   }
   barrier();
   uint count = 0u;

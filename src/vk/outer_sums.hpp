@@ -14,7 +14,7 @@ struct RecordVectors {
 class OuterSums {
  public:
   /// Appends a matrix to the result: Σ over rows and components of left ⊗ right. `flagged`: only of tiles
-  /// whose first record has a flag.
+  /// with a flag in some record.
   void add(const RecordVectors& left, const RecordVectors& right, std::uint32_t components,
            bool row_major = false, bool flagged = false);
   bool empty() const { return jobs_.empty(); }

@@ -52,7 +52,6 @@ constexpr Shader form_shader{"pair_gradient_forms", spirv::pair_gradient_forms, 
                              sizeof(PairGradientParameters), 3};
 
 constexpr std::uint32_t work_group = 32;
-constexpr std::uint32_t list_group = 64;
 constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
 // Between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{96} << 20;
@@ -205,7 +204,7 @@ class PairGradientKernel : public Kernel {
 
   void lay_out_tables() {
     std::vector<std::uint32_t> place(op_.tables.size());
-    std::uint32_t at = 0;
+    std::uint32_t at = 0, most_units = 0;
     for (std::size_t t = 0; t < op_.tables.size(); ++t) {
       place[t] = at;
       at += table_count(op_.tables[t]);
@@ -223,8 +222,9 @@ class PairGradientKernel : public Kernel {
       const std::uint32_t vectors =
           number(block.freq()) * messages_.in_vectors() * number(block.out_channels);
       coefficient_vectors_ += vectors;
-      most_coefficients_ = std::max(most_coefficients_, vectors);
+      most_units = std::max(most_units, (vectors + 1) / 2);
     });
+    most_units_ = sectors_ * most_units;
     // 2^SEARCH: the same pipelines for most layers.
     std::uint32_t most = 64;
     while (most < sectors_) most *= 2;
@@ -277,7 +277,7 @@ class PairGradientKernel : public Kernel {
       for (const std::uint32_t x : {kind.kind.tables, coefficient_vectors_, parts}) sizes.push_back(x);
       kind.pipeline = &context.pipeline(kernel_shader, sizes);
     }
-    list_pipeline_ = &context.pipeline(list_shader, std::array{list_group, sectors_});
+    list_pipeline_ = &context.pipeline(list_shader, std::array{work_group, sectors_});
     sum_pipeline_ = &context.pipeline(
         sum_shader, std::array{work_group, sectors_, tables, messages_.in_vectors(), coefficient_vectors_});
     form_pipeline_ = &context.pipeline(form_shader, std::array{work_group, sectors_, tables});
@@ -296,9 +296,9 @@ class PairGradientKernel : public Kernel {
            (std::size_t{2} * messages_.stride() + 64 * messages_.in_vectors() + fiber_.size() +
             10 * messages_.tables() + 4 * coefficient_vectors_ + 4 * feature_vectors_ + edge_numbers());
   }
+  // Loops go through a sector's edges, or a part of all of them.
   std::size_t most_edges() const {
-    const std::uint32_t turns = rounds(sectors_, list_group);
-    return std::min<std::size_t>((most_loops / turns - sectors_) / 2,
+    return std::min<std::size_t>(most_loops / (sectors_ > 64 ? sectors_ / 64 : 1),
                                  capabilities_.storage_range / (16 * std::size_t{coefficient_vectors_}));
   }
   // Index rows stay aligned.
@@ -376,11 +376,10 @@ class PairGradientKernel : public Kernel {
              {index, positions, m.messages, m.d_messages, m.turned, m.d_features, m.d_radial,
               firsts_.of(args), m.edges},
              {groups, 1, 1}, 30.0 * messages_.stride() * edges);
-    dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1},
-             10.0 * edges * tables * sectors_);
+    dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1}, 50.0 * edges * tables);
     dispatch(*sum_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_coefficients, tables_.of(args), result},
-             {rounds(most_coefficients_, work_group), sectors_, tables}, cost);
+             {rounds(most_units_, work_group), tables, 1}, cost);
     dispatch(*form_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
               result},
@@ -416,8 +415,8 @@ class PairGradientKernel : public Kernel {
   const irreps::Fiber fiber_;  // messages: [values ; keys]
   PairMessages messages_;
   OuterSums products_;
-  std::uint32_t record_size_ = 0, own_ = 0;                        // vec4s
-  std::uint32_t coefficient_vectors_ = 0, most_coefficients_ = 0;  // vec4s of an edge; of one table
+  std::uint32_t record_size_ = 0, own_ = 0;                 // vec4s
+  std::uint32_t coefficient_vectors_ = 0, most_units_ = 0;  // vec4s of an edge; invocations of one table
   std::uint32_t feature_vectors_ = 0, sectors_ = 0;
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;

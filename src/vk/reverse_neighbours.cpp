@@ -17,7 +17,7 @@ constexpr Access clear_bindings[] = {Access::write};
 constexpr Access count_bindings[] = {Access::read, Access::modify, Access::write};
 constexpr Access scan_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Access fill_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
+constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Access gather_bindings[] = {Access::read, Access::read, Access::read, Access::read,
                                       Access::read, Access::read, Access::write};
 constexpr Shader clear_shader{"reverse_neighbours_clear", spirv::reverse_neighbours_clear, clear_bindings,
@@ -31,11 +31,12 @@ constexpr Shader fill_shader{"reverse_neighbours_fill", spirv::reverse_neighbour
 constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbours_sort, sort_bindings,
                              sizeof(EdgeParameters), 1};
 constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
-                               8};
+                               9};
 
 constexpr std::uint32_t work_group = 128;
 
 std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
+std::uint32_t part(const EdgeGather::Shape& shape) { return std::min(shape.width / 4, 4u); }
 std::size_t list_bytes(std::size_t count) { return aligned(sizeof(std::uint32_t) * count); }
 
 }  // namespace
@@ -83,7 +84,7 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Range& scratch,
                            {std::min(segments - first, capabilities_.groups), 1, 1}, 10.0 * count);
   all(*fill_, edges, {index.range, begins, places, unsorted});
   // The places are not needed any more: the sorted lists take theirs.
-  all(*sort_, edges, {index.range, begins, counts, unsorted, places});
+  all(*sort_, count, {begins, counts, unsorted, places});
   return {begins, counts, places};
 }
 
@@ -93,7 +94,7 @@ EdgeGather::EdgeGather(const Context& context, const Shape& shape)
                                   std::array{tile_rows, shape.width / 4, shape.record, shape.own,
                                              (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) |
                                                  (shape.both_ends > 0 ? 4u : 0u),
-                                             shape.edge, shape.at, shape.both_ends})) {}
+                                             shape.edge, shape.at, shape.both_ends, part(shape)})) {}
 
 void EdgeGather::record(const Arguments& args, const Run& run, const EdgeLists& lists, const Range& edges,
                         const Range& record, const RowTable& table, const Range& result) const {
@@ -101,7 +102,8 @@ void EdgeGather::record(const Arguments& args, const Run& run, const EdgeLists& 
   args.schedule.dispatch(*pipeline_,
                          {lists.begins, lists.counts, lists.list, edges, record, table.tiles, result},
                          GatherParameters{run.first_tile, run.first_row, run.first_edge},
-                         {run.tiles, shape_.width / 4, 1}, 100.0 * run.tiles * tile_rows * shape_.width);
+                         {run.tiles, (shape_.width / 4 + part(shape_) - 1) / part(shape_), 1},
+                         100.0 * run.tiles * tile_rows * shape_.width);
 }
 
 }  // namespace bitr::vk
