@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nanoflann.hpp>
 
 #include "api/plan.hpp"
+#include "core/point_tree.hpp"
 
 namespace bitr {
 namespace {
@@ -12,18 +12,6 @@ namespace {
 // Inliers are closer than this many median neighbour distances.
 constexpr double spacing_factor = 2;
 constexpr std::size_t spacing_samples = 2000;
-
-struct Rows {
-  const std::vector<Vec3d>& points;
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][axis]; }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Rows>, Rows, 3, std::uint32_t>;
 
 std::vector<Vec3d> copy(const Vec3View& view) {
   std::vector<Vec3d> points(view.count);
@@ -33,7 +21,7 @@ std::vector<Vec3d> copy(const Vec3View& view) {
 
 // Median distance from a point to its nearest other place, over an even sample. Duplicates of a point are at
 // its own place; 0 when every sampled point has nothing but duplicates near.
-double median_spacing(const Tree& tree, const std::vector<Vec3d>& points) {
+double median_spacing(const PointTree& tree, const std::vector<Vec3d>& points) {
   constexpr std::size_t looked_at = 8;
   const std::size_t step = std::max<std::size_t>(1, points.size() / spacing_samples);
   std::vector<double> nearest;
@@ -66,8 +54,8 @@ double diagonal(const Vec3View& points) {
 void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu::ThreadPool& pool,
                      Diagnostics& diagnostics) {
   const std::vector<Vec3d> source = copy(pair.source.positions), reference = copy(pair.reference.positions);
-  const Rows source_rows{source}, reference_rows{reference};
-  const Tree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
+  const PointRows source_rows{source}, reference_rows{reference};
+  const PointTree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
   const double threshold = spacing_factor * std::max(median_spacing(source_tree, source),
                                                      median_spacing(reference_tree, reference));
 

@@ -9,12 +9,7 @@ class PairAttentionKernel : public Kernel<T> {
   explicit PairAttentionKernel(const ops::PairAttention& op) : constants_(op) {}
 
   void run(const Arguments& args) const override {
-    const int k = args.in[1].per_row;
-    if (k <= 8) return run_width<8>(args);
-    if (k <= 16) return run_width<16>(args);
-    if (k <= 24) return run_width<24>(args);
-    if (k <= 32) return run_width<32>(args);
-    run_width<64>(args);
+    with_width(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
   }
 
  private:

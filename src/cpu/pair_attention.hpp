@@ -11,31 +11,53 @@
 
 namespace bitr::cpu {
 
-/// A direction shorter than 1 (ops::direction_eps) scales what depends on J by |v|^J, and length zero leaves
-/// J = 0 only. Between different degrees that is J = 1; of 1→1 it is the identity's part (c₀ + 2c₁)/3, the
-/// turn c₂, and the rest.
-template <class T>
-void shorten_direction(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
+/// Visits one side's part of a block's coefficients: whole(c) for each between different degrees, where that
+/// side is J = 1; triple(c₀, c₁, c₂) for those of 1→1.
+template <class T, class Whole, class Triple>
+void visit_side(const ops::PairBlock& block, bool first_side, T* coefficients, Whole whole, Triple triple) {
   const int channels = block.in_channels * block.out_channels;
   const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1,
             freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
   const int in = first_side ? block.in.p : block.in.q, out = first_side ? block.out.p : block.out.q;
   T* at = coefficients + block.coefficients;
-  if (in != out) {
-    for (int c = 0; c < freq1 * freq2 * channels; ++c) at[c] *= norm;
-    return;
-  }
-  if (in == 0) return;
+  if (in != out)
+    for (int c = 0; c < freq1 * freq2 * channels; ++c) whole(at[c]);
+  if (in != out || in == 0) return;
   const int step = (first_side ? freq2 : 1) * channels, others = first_side ? freq2 : freq1;
   const int other_step = (first_side ? 1 : freq2) * channels;
   for (int other = 0; other < others; ++other)
     for (int c = 0; c < channels; ++c) {
       T* value = at + other * other_step + c;
-      const T scalar = (value[0] + 2 * value[step]) / 3;
-      value[0] = scalar + norm * norm * (value[0] - scalar);
-      value[step] = scalar + norm * norm * (value[step] - scalar);
-      value[2 * step] *= norm;
+      triple(value[0], value[step], value[2 * step]);
     }
+}
+
+/// A direction shorter than 1 (ops::direction_eps) scales what depends on J by |v|^J, and length zero leaves
+/// J = 0 only. Between different degrees that is J = 1; of 1→1 it is the identity's part (c₀ + 2c₁)/3, the
+/// turn c₂, and the rest.
+template <class T>
+void shorten_direction(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
+  visit_side(
+      block, first_side, coefficients, [&](T& c) { c *= norm; },
+      [&](T& c0, T& c1, T& c2) {
+        const T scalar = (c0 + 2 * c1) / 3;
+        c0 = scalar + norm * norm * (c0 - scalar);
+        c1 = scalar + norm * norm * (c1 - scalar);
+        c2 *= norm;
+      });
+}
+
+/// Its transpose.
+template <class T>
+void shorten_direction_gradient(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
+  visit_side(
+      block, first_side, coefficients, [&](T& c) { c *= norm; },
+      [&](T& c0, T& c1, T& c2) {
+        const T scalar = (1 - norm * norm) * (c0 + c1) / 3;
+        c0 = norm * norm * c0 + scalar;
+        c1 = norm * norm * c1 + 2 * scalar;
+        c2 *= norm;
+      });
 }
 
 /// A two-sided layer's constants in T.
@@ -193,5 +215,15 @@ class PairRow {
   Buffer feature_, message_, weight_;
   Numbers query_, sum_, result_;
 };
+
+/// Calls work(width) with the least number of lanes, as a constant, that holds k edges.
+template <class Work>
+void with_width(int k, Work work) {
+  if (k <= 8) return work(std::integral_constant<int, 8>());
+  if (k <= 16) return work(std::integral_constant<int, 16>());
+  if (k <= 24) return work(std::integral_constant<int, 24>());
+  if (k <= 32) return work(std::integral_constant<int, 32>());
+  work(std::integral_constant<int, 64>());
+}
 
 }  // namespace bitr::cpu

@@ -37,31 +37,6 @@ struct ConstantPlaces {
   std::size_t count = 0;
 };
 
-// The transpose of shorten_direction().
-template <class T>
-void shorten_direction_gradient(const ops::PairBlock& block, bool first_side, T norm, T* coefficients) {
-  const int channels = block.in_channels * block.out_channels;
-  const int freq1 = 2 * std::min(block.in.p, block.out.p) + 1,
-            freq2 = 2 * std::min(block.in.q, block.out.q) + 1;
-  const int in = first_side ? block.in.p : block.in.q, out = first_side ? block.out.p : block.out.q;
-  T* at = coefficients + block.coefficients;
-  if (in != out) {
-    for (int c = 0; c < freq1 * freq2 * channels; ++c) at[c] *= norm;
-    return;
-  }
-  if (in == 0) return;
-  const int step = (first_side ? freq2 : 1) * channels, others = first_side ? freq2 : freq1;
-  const int other_step = (first_side ? 1 : freq2) * channels;
-  for (int other = 0; other < others; ++other)
-    for (int c = 0; c < channels; ++c) {
-      T* value = at + other * other_step + c;
-      const T scalar = (1 - norm * norm) * (value[0] + value[step]) / 3;
-      value[0] = norm * norm * value[0] + scalar;
-      value[step] = norm * norm * value[step] + 2 * scalar;
-      value[2 * step] *= norm;
-    }
-}
-
 // Adds Σ a × b over the vectors of one side of a fiber's rows.
 template <class Edges>
 void add_torque(const Fiber& fiber, int side, const Edges* a, const Edges* b, Edges* torque) {
@@ -300,12 +275,7 @@ class PairAttentionGradientKernel : public Kernel<T> {
       : op_(op), constants_(op.op), places_(op.op) {}
 
   void run(const Arguments& args) const override {
-    const int k = args.in[1].per_row;
-    if (k <= 8) return run_width<8>(args);
-    if (k <= 16) return run_width<16>(args);
-    if (k <= 24) return run_width<24>(args);
-    if (k <= 32) return run_width<32>(args);
-    run_width<64>(args);
+    with_width(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
   }
 
  private:

@@ -5,22 +5,11 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <nanoflann.hpp>
+
+#include "core/point_tree.hpp"
 
 namespace bitr::refine {
 namespace {
-
-struct Rows {
-  const std::vector<Vec3d>& points;
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][axis]; }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Rows>, Rows, 3, std::uint32_t>;
 
 struct Match {
   double squared;
@@ -67,8 +56,8 @@ double change(const Pose& a, const Pose& b) {
 
 struct Icp::Index {
   std::vector<Vec3d> points;
-  Rows rows{points};
-  Tree tree{3, rows, {10}};
+  PointRows rows{points};
+  PointTree tree{3, rows, {10}};
   explicit Index(const std::vector<Vec3d>& reference) : points(reference) {}
 };
 
