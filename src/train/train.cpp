@@ -32,11 +32,14 @@ Result<TrainOptions> checkpoint_options(const std::filesystem::path& checkpoint)
 Result<TrainSummary> train_model(const Device& device, const TrainOptions& options, const TrainFiles& files,
                                  bool resume, const TrainCallbacks& callbacks) {
   return guarded([&]() -> Result<TrainSummary> {
-    const train::DifferentiatorOptions how{
-        .loss = options.loss == TrainLoss::direct ? ops::LossKind::direct : ops::LossKind::official};
-    return train::run(device, options, files, resume, callbacks, [&](const model::Weights& weights) {
-      return train::make_differentiator(device, weights, how);
-    });
+    const auto make = [&](const model::Weights& weights) {
+      // The official norms' eps does not fold.
+      return train::make_differentiator(
+          device, weights,
+          {.loss = options.loss == TrainLoss::direct ? ops::LossKind::direct : ops::LossKind::official,
+           .as_defined = weights.mode == Mode::reference});
+    };
+    return train::run(device, options, files, resume, callbacks, make);
   });
 }
 

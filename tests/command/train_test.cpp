@@ -109,6 +109,18 @@ TEST(Train, MakesAModelThatOtherCommandsTake) {
   EXPECT_EQ(nlohmann::json::parse(metadata["bitr.training"].get<std::string>())["steps"], 20);
 }
 
+TEST(Train, TheOfficialLossAndNormsTrainToo) {
+  const Folder folder;
+  const std::string config = folder.write("small.json", small);
+  for (const char* mode : {"mode=scale-exact", "mode=reference"}) {
+    const std::string out = folder.path(std::string(mode) + ".safetensors");
+    const Finished finished =
+        run_command(training(config, out, {"--set", "loss=official", "--set", mode, "--steps", "3"}));
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    EXPECT_TRUE(load_model(out));
+  }
+}
+
 TEST(Train, KilledAtAnyMomentItGoesOnFromACheckpoint) {
   const Folder folder;
   const std::string config = folder.write("small.json", small);
