@@ -45,10 +45,14 @@ std::vector<Case> cases() {
           {"normals_duplicates", normals, {{70, 41}, {26, 100}}, 2},
           {"square", square, {{90, 130}}, 20},
           {"one_neighbour", shallow, {{2, 3}, {9, 2}}, 0},
+          // Two runs of two-sided layers.
+          {"many_pairs", {}, std::vector<std::array<std::size_t, 2>>(33, {25, 27}), 0},
           {"wide", wide, {{65, 70}}, 5}};
 }
 
-constexpr double bound = 1e-4;  // of the largest entry
+// Of the largest entry: of all entries, and of 19 in 20. Gradients jump where a kernel has a kink, as
+// between the sectors of a radial table, and a number in single precision may be on the other side of it.
+constexpr double bound = 1e-3, usual_bound = 2e-5;
 
 class AttentionGradient : public testing::TestWithParam<Case> {
  protected:
@@ -94,11 +98,10 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     if (gradient.constants)
       outputs.push_back({graph::Rows::one, 1, static_cast<int>(ops::constant_count(op)), false, {}, {}});
     const auto exact = test::run_op<double>(gradient, layout_, inputs, outputs, pool_);
-    const auto single = test::run_op<float>(gradient, layout_, inputs, outputs, pool_);
     const auto device = test::run_op_vulkan(gradient, layout_, inputs, outputs);
     for (std::size_t i = 0; i < device.size(); ++i) {
       SCOPED_TRACE(i < gradient.wanted.size() ? "input " + std::to_string(gradient.wanted[i]) : "constants");
-      compare(device[i].values, exact[i].values, single[i].values);
+      compare(device[i].values, exact[i].values);
     }
   }
 
@@ -121,23 +124,22 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     return tensor;
   }
 
-  // Gradients jump where a kernel has a kink, as between the sectors of a radial table: there the CPU in
-  // single precision may stand on the same side.
-  void compare(const std::vector<double>& device, const std::vector<double>& exact,
-               const std::vector<double>& single) {
+  void compare(const std::vector<double>& device, const std::vector<double>& exact) {
     ASSERT_EQ(device.size(), exact.size());
-    double worst = 0, largest = 0;
-    std::size_t where = 0;
+    std::vector<double> errors;
+    double largest = 0;
     for (std::size_t i = 0; i < exact.size(); ++i) {
       ASSERT_TRUE(std::isfinite(device[i]) && std::isfinite(exact[i])) << "element " << i;
-      const double error = std::min(std::abs(device[i] - exact[i]), std::abs(device[i] - single[i]));
-      if (error > worst) where = i;
-      worst = std::max(worst, error);
+      errors.push_back(std::abs(device[i] - exact[i]));
       largest = std::max(largest, std::abs(exact[i]));
     }
-    EXPECT_LE(worst, bound * largest)
+    const std::size_t where = std::max_element(errors.begin(), errors.end()) - errors.begin();
+    EXPECT_LE(errors[where], bound * largest)
         << "element " << where << " of " << exact.size() << ": " << device[where] << ", not " << exact[where];
-    if (largest > 0) worst_ = std::max(worst_, worst / largest);
+    const auto usual = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() * 19 / 20);
+    std::nth_element(errors.begin(), usual, errors.end());
+    EXPECT_LE(*usual, usual_bound * largest);
+    if (largest > 0) worst_ = std::max(worst_, *usual / largest);
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }
 
