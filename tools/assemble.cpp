@@ -46,21 +46,33 @@ Result<Input> read_input(const std::string& path, const Options& options) {
   if (options.points) read.mesh_points = *options.points;
   auto cloud = io::read_cloud(path, read);
   if (!cloud) return tl::unexpected(cloud.error());
-  Input input;
-  input.used = options.points ? io::subsample(*cloud, *options.points, options.seed) : *cloud;
-  input.cloud = std::move(*cloud);
-  return input;
+  return Input{std::move(*cloud), {}};
 }
 
-Result<Model> choose_model(Options& options) {
-  if (!options.model.empty()) return load_model(std::filesystem::path(options.model));
-  if (!options.complete_match)
-    warn(
-        "no trained model ships with this version: falling back to complete matching with untrained weights, "
-        "which is exact when the reference is a moved copy of the source; give --model FILE for anything "
-        "else");
+Result<Model> choose_model(Options& options, const Input& source, const Input& reference) {
+  if (!options.model.empty()) return model_named(options.model);
+  if (!options.complete_match) {
+    auto model = shipped_model(shipped_models().front().name);
+    const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();
+    if (!model || normals || !model->config().return_normals) return model;
+    warn("the default model reads normals, and " +
+         (source.cloud.normals.empty() ? options.source : options.reference) +
+         " has none: falling back to complete matching with untrained weights, which is exact when the "
+         "reference is a moved copy of the source and has no answer otherwise");
+  }
   options.complete_match = true;
   return untrained_model({}, options.model_seed);
+}
+
+// As many points as asked for, or as the model knows.
+void choose_points(Input& input, const Options& options, const Model& model, const std::string& path) {
+  const std::optional<PointRange> known = model.trained_points();
+  std::size_t most = options.points.value_or(known ? (known->low + known->high) / 2 : input.cloud.size());
+  if (known && !options.points && input.cloud.size() <= known->high) most = input.cloud.size();
+  input.used = io::subsample(input.cloud, most, options.seed);
+  if (known && input.used.size() < known->low)
+    warn(path + " has " + std::to_string(input.used.size()) + " points; model " + model.name() +
+         " was trained on clouds of " + std::to_string(known->low) + " to " + std::to_string(known->high));
 }
 
 Result<void> check_outputs(const Options& options) {
@@ -115,12 +127,14 @@ int run(Options& options) {
 
   show_progress("reading");
   const Stopwatch total;
-  const auto model = choose_model(options);
-  if (!model) return complain(model.error());
-  const auto source = read_input(options.source, options);
+  auto source = read_input(options.source, options);
   if (!source) return complain(source.error());
-  const auto reference = read_input(options.reference, options);
+  auto reference = read_input(options.reference, options);
   if (!reference) return complain(reference.error());
+  const auto model = choose_model(options, *source, *reference);
+  if (!model) return complain(model.error());
+  choose_points(*source, options, *model, options.source);
+  choose_points(*reference, options, *model, options.reference);
 
   show_progress("assembling");
   const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
@@ -185,13 +199,14 @@ Command add_assemble(CLI::App& root) {
   app->add_option("--image", options->image, "Draw both clouds, before and after, to this PNG file")
       ->type_name("FILE");
   add_json(*app, options->json);
-  auto* model = app->add_option("--model", options->model, "Weights (.safetensors)")->type_name("FILE");
+  auto* model = add_model(*app, options->model, "unless given, the first of them");
   app->add_flag("--complete-match", options->complete_match,
                 "For a reference that is a moved copy of the source; needs no trained model");
   add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
       ->excludes(model);
   add_count(*app, "--points", options->points, 1, most_points,
-            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud");
+            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud; unless given, "
+            "as many as the model was trained on");
   add_seed(*app, "--seed", options->seed, "Seed of that sampling");
   add_mode(*app, options->run.plan.mode,
            "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
@@ -206,7 +221,8 @@ Command add_assemble(CLI::App& root) {
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"
       "Exit status: 0 done; 1 ran, but the result is not to be used; 2 bad input or usage.\n\n"
       "Examples:\n"
-      "  bitr assemble part.ply whole.ply --model model.safetensors -o assembled.ply --json result.json\n"
+      "  bitr assemble piece.ply other_piece.ply -o assembled.ply --json result.json\n"
+      "  bitr assemble nose.ply tail.ply --model aircraft -o assembled.ply\n"
       "  bitr assemble scan.ply moved.ply --complete-match --json -");
   return {app, [options] { return run(*options); }};
 }

@@ -93,8 +93,7 @@ int run(Options& options) {
   if (const auto checked = check_profile(options.run, {options.model}, {options.json}); !checked)
     return complain(checked.error());
   options.run.plan.mode = options.mode;
-  const auto model =
-      options.model.empty() ? untrained_model() : load_model(std::filesystem::path(options.model));
+  const auto model = options.model.empty() ? untrained_model() : model_named(options.model);
   if (!model) return complain(model.error());
 
   std::vector<GeneratedPair> clouds;
@@ -164,8 +163,7 @@ Command add_bench(CLI::App& root) {
   add_count(*app, "--points", options->points, 1, max_generated_points, "Points of each cloud");
   add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs in a batch");
   add_count(*app, "--repeats", options->repeats, 1, 1'000'000, "Batches to time, after three to warm up");
-  app->add_option("--model", options->model, "Weights (.safetensors); untrained ones unless given")
-      ->type_name("FILE");
+  add_model(*app, options->model, "untrained ones unless given");
   add_mode(*app, options->mode, "Norms without their eps (scale-exact) or with it (reference)");
   add_run_options(*app, options->run);
   add_json(*app, options->json);

@@ -20,7 +20,7 @@ struct Options {
 int run(const Options& options) {
   if (const auto checked = check_output("--json", options.json, {options.input}); !checked)
     return complain(checked.error());
-  const auto model = load_model(std::filesystem::path(options.input));
+  const auto model = model_named(options.input);
   if (!model) return complain(model.error());
 
   const auto& metadata = model->weights().metadata;
@@ -48,7 +48,9 @@ int run(const Options& options) {
 Command add_model_info(CLI::App& model) {
   auto options = std::make_shared<Options>();
   CLI::App* app = model.add_subcommand("info", "Configuration, size and metadata of a model");
-  app->add_option("FILE", options->input, "Weights (.safetensors)")->required()->type_name("FILE");
+  app->add_option("MODEL", options->input, "Weights (.safetensors), or the name of a model that ships")
+      ->required()
+      ->type_name("FILE|NAME");
   add_json(*app, options->json);
   app->footer(
       "Example:\n"

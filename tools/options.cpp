@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bitr/io.hpp>
 #include <charconv>
+#include <filesystem>
 #include <limits>
 
 #include "output.hpp"
@@ -55,6 +56,23 @@ CLI::Option* add_mode(CLI::App& app, std::optional<Mode>& mode, const std::strin
 }
 
 std::string_view mode_name(Mode mode) { return mode == Mode::scale_exact ? "scale-exact" : "reference"; }
+
+CLI::Option* add_model(CLI::App& app, std::string& model, const std::string& otherwise) {
+  std::string names;
+  for (const ShippedModel& shipped : shipped_models())
+    names += (names.empty() ? "" : ", ") + std::string(shipped.name);
+  return app
+      .add_option("--model", model,
+                  "Weights (.safetensors), or a model that ships: " + names + "; " + otherwise)
+      ->type_name("FILE|NAME");
+}
+
+Result<Model> model_named(const std::string& text) {
+  std::error_code ignored;
+  const std::filesystem::path path = text;
+  const bool file = path.has_extension() || path.has_parent_path() || std::filesystem::exists(path, ignored);
+  return file ? load_model(path) : shipped_model(text);
+}
 
 CLI::Option* add_json(CLI::App& app, std::string& path) {
   return app.add_option("--json", path, "Write the result as JSON to FILE, or to standard output for -")

@@ -49,6 +49,10 @@ CLI::Option* add_json(CLI::App& app, std::string& path);
 /// --json with or without a file; "-" without.
 CLI::Option* add_optional_json(CLI::App& app, std::string& path);
 
+/// --model FILE|NAME, and what it names: a file of weights or a model that ships.
+CLI::Option* add_model(CLI::App& app, std::string& model, const std::string& otherwise);
+Result<Model> model_named(const std::string& text);
+
 /// How a plan runs: where (device_choice.hpp), --precision, --as-defined, --profile.
 struct RunOptions {
   DeviceChoice device;

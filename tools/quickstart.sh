@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From a fresh Debian 12 to an assembled pair of clouds.
+# From a fresh Debian 12 to an assembled pair of clouds, and a picture of it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -9,23 +9,24 @@ cmake --build --preset release
 
 bitr=build/release/bitr
 example=build/example
-if [[ ! -e $example/copy_000_truth.json ]]; then
-  "$bitr" generate copy --out "$example" --count 1 --seed 1
+if [[ ! -e $example/aircraft_000_truth.json ]]; then
+  "$bitr" generate aircraft --share 0.5 --points 1024 --noise 0.005 --out "$example" --count 1 --seed 20001
 fi
 
 cat <<'TEXT'
 
-Assembling a solid with a moved copy of itself by complete matching: no trained model ships yet, and complete
-matching needs none. It returns f(X,Y)∘f(X,X), which the network's symmetry makes exact for any weights.
+Two halves of an aeroplane that the model has never seen, without any overlap, each in a frame of its own:
 
 TEXT
-"$bitr" assemble "$example/copy_000_source.ply" "$example/copy_000_reference.ply" --complete-match \
-  --truth "$example/copy_000_truth.json" -o "$example/assembled.ply" --json "$example/assembly.json"
+"$bitr" assemble "$example/aircraft_000_source.ply" "$example/aircraft_000_reference.ply" \
+  --truth "$example/aircraft_000_truth.json" -o "$example/assembled.ply" --json "$example/assembly.json" \
+  --image "$example/assembly.png"
 
 cat <<TEXT
 
-"error" above compares the pose with $example/copy_000_truth.json.
+"error" above compares the pose with $example/aircraft_000_truth.json.
 Written to $PWD/$example:
+  assembly.png    the two halves as they were given, and assembled
   assembled.ply   both clouds in the reference's frame, the source in orange
   assembly.json   the pose, the diagnostics, the times
 TEXT

@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace bitr {
@@ -51,12 +52,20 @@ Result<void> validate(const ModelConfig& config);
 /// GraphNorm). `scale_exact`: eps = 0 in both, so that f(cX, cY) = (R, c t) holds to rounding.
 enum class Mode { reference, scale_exact };
 
+/// Points of a cloud.
+struct PointRange {
+  std::size_t low = 0, high = 0;
+};
+
 class Model {
  public:
   const ModelConfig& config() const;
-  Mode mode() const;                    ///< the mode its file asks for; a plan may override it
-  const std::string& name() const;      ///< file stem, or "untrained(seed)"
-  bool trained() const;                 ///< false for untrained_model() and what was saved from one
+  Mode mode() const;                ///< the mode its file asks for; a plan may override it
+  const std::string& name() const;  ///< file stem, or "untrained(seed)"
+  bool trained() const;             ///< false for untrained_model() and what was saved from one
+  /// How many points the clouds had that it was trained on: neighbours are counted, so that clouds much
+  /// denser or sparser than those look different to it. Empty where its file does not say.
+  std::optional<PointRange> trained_points() const;
   std::size_t parameter_count() const;  ///< trainable numbers, tied ones counted once
   std::size_t tensor_count() const;     ///< trainable tensors, tied ones counted once
   const model::Weights& weights() const { return *weights_; }
@@ -89,6 +98,17 @@ Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const Mod
 /// f(X,gX)∘f(X,X) = g it assembles complete copies without any training ("U-BITR" in the paper).
 Result<Model> untrained_model(const ModelConfig& config = {}, std::uint64_t seed = 0,
                               Mode mode = Mode::scale_exact);
+
+/// A model that the library carries. models/NAME.md tells what it was trained on and how it does.
+struct ShippedModel {
+  std::string_view name;
+  std::string_view summary;  ///< one line
+};
+
+/// Every one; the first is what to use for want of anything more specific.
+std::span<const ShippedModel> shipped_models();
+/// `invalid_argument` when there is none of that name.
+Result<Model> shipped_model(std::string_view name);
 
 /// Safetensors bytes, float32, with canonical names, "bitr.config" and "bitr.mode" in the metadata.
 std::vector<std::byte> serialize(const Model& model);

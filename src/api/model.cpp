@@ -1,5 +1,6 @@
 #include <bitr/io.hpp>
 #include <bitr/model.hpp>
+#include <charconv>
 
 #include "api/guarded.hpp"
 #include "io/safetensors.hpp"
@@ -36,6 +37,18 @@ Mode Model::mode() const { return weights_->mode; }
 const std::string& Model::name() const { return weights_->name; }
 bool Model::trained() const { return weights_->trained; }
 std::size_t Model::tensor_count() const { return weights_->parameters.size(); }
+std::optional<PointRange> Model::trained_points() const {
+  const auto number = [&](const char* key) -> std::size_t {
+    const auto found = weights_->metadata.find(key);
+    std::size_t value = 0;
+    if (found != weights_->metadata.end())
+      std::from_chars(found->second.data(), found->second.data() + found->second.size(), value);
+    return value;
+  };
+  const PointRange range{number("bitr.cloud_points_low"), number("bitr.cloud_points_high")};
+  if (range.low == 0 || range.high < range.low) return std::nullopt;
+  return range;
+}
 std::size_t Model::parameter_count() const {
   std::size_t total = 0;
   for (const auto& [name, matrix] : weights_->parameters) total += static_cast<std::size_t>(matrix.size());

@@ -56,7 +56,10 @@ std::string unusable(const DataSample& sample, std::size_t least) {
 
 model::Weights starting_weights(const TrainOptions& options) {
   if (!options.init.empty()) {
-    model::Weights weights = value_or_throw(load_model(options.init)).weights();
+    // A file, or the name of a model that ships.
+    const bool file = options.init.has_extension() || std::filesystem::exists(options.init);
+    model::Weights weights =
+        value_or_throw(file ? load_model(options.init) : shipped_model(options.init.string())).weights();
     weights.metadata.clear();
     return weights;
   }

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <bitr/io.hpp>
+#include <bitr/model.hpp>
 #include <bitr/pose.hpp>
 #include <cmath>
+#include <fstream>
 
 #include "run_command.hpp"
 
@@ -54,15 +56,47 @@ TEST_F(Assemble, TextHasThePoseAndTheErrors) {
     EXPECT_THAT(finished.out, HasSubstr(word));
 }
 
-TEST_F(Assemble, SaysThatItFallsBackWithoutAModel) {
-  const Finished fallback = run(copy, {"--json", "-"});
+// The same points, nothing else.
+std::string without_normals(const std::string& path) {
+  const std::string plain = path + ".xyz";
+  std::ofstream file(plain);
+  file.precision(17);
+  const auto cloud = io::read_cloud(path);
+  for (const Vec3d& p : cloud->positions) file << p[0] << ' ' << p[1] << ' ' << p[2] << '\n';
+  return plain;
+}
+
+TEST_F(Assemble, TakesTheDefaultModelWhereThereAreNormals) {
+  const Finished finished = run(copy, {"--json", "-"});
+  EXPECT_EQ(finished.status, 0) << finished.err;
+  EXPECT_EQ(nlohmann::json::parse(finished.out)["model"], std::string(shipped_models().front().name));
+}
+
+TEST_F(Assemble, SaysThatItFallsBackWhereThereAreNone) {
+  const PairFiles plain{without_normals(copy.source), without_normals(copy.reference), copy.truth};
+  const Finished fallback = run(plain, {"--json", "-"});
   EXPECT_EQ(fallback.status, 0);
-  EXPECT_THAT(fallback.err, HasSubstr("no trained model"));
+  EXPECT_THAT(fallback.err, HasSubstr("reads normals"));
   EXPECT_THAT(fallback.err, HasSubstr("complete matching"));
-  const Finished asked = run(copy, {"--json", "-", "--complete-match"});
-  EXPECT_THAT(asked.err, Not(HasSubstr("no trained model")));
+  const Finished asked = run(plain, {"--json", "-", "--complete-match"});
+  EXPECT_THAT(asked.err, Not(HasSubstr("reads normals")));
   auto a = nlohmann::json::parse(fallback.out), b = nlohmann::json::parse(asked.out);
   EXPECT_EQ(a["transform"], b["transform"]);
+}
+
+TEST_F(Assemble, TakesModelsByName) {
+  const PairFiles large = generate_files(folder, "copy", "2048");
+  for (const ShippedModel& shipped : shipped_models()) {
+    const Finished finished = run(large, {"--model", std::string(shipped.name), "--json", "-"});
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    const auto json = nlohmann::json::parse(finished.out);
+    EXPECT_EQ(json["model"], std::string(shipped.name));
+    // More than it was trained on.
+    EXPECT_LT(json["points"]["source"], 2048);
+  }
+  const Finished unknown = run(copy, {"--model", "spaceship"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("no model is called spaceship"));
 }
 
 TEST_F(Assemble, WarnsWhereCompleteMatchingDoesNotApply) {
