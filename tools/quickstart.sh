@@ -10,7 +10,7 @@ cmake --build --preset release
 bitr=build/release/bitr
 example=build/example
 if [[ ! -e $example/aircraft_000_truth.json ]]; then
-  "$bitr" generate aircraft --share 0.5 --points 1024 --noise 0.005 --out "$example" --count 1 --seed 20001
+  "$bitr" generate aircraft --share 0.5 --points 1024 --noise 0.005 --out "$example" --count 1 --seed 20005
 fi
 
 cat <<'TEXT'
