@@ -12,8 +12,8 @@ using testing::StartsWith;
 using Words = std::vector<std::string>;
 
 TEST(Help, EveryCommandExplainsItselfWithAnExample) {
-  const std::vector<Words> commands = {{},        {"assemble"},      {"generate"},
-                                       {"bench"}, {"devices"},       {"doctor"},
+  const std::vector<Words> commands = {{},        {"assemble"},      {"generate"},        {"train"},
+                                       {"eval"},  {"bench"},         {"devices"},         {"doctor"},
                                        {"model"}, {"model", "info"}, {"model", "convert"}};
   for (Words words : commands) {
     const std::string name = testing::PrintToString(words);
