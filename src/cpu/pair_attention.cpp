@@ -9,7 +9,7 @@ class PairAttentionKernel : public Kernel<T> {
   explicit PairAttentionKernel(const ops::PairAttention& op) : constants_(op) {}
 
   void run(const Arguments& args) const override {
-    with_width(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
+    with_width<8, 16, 24, 32, 64>(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
   }
 
  private:

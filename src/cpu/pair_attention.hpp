@@ -216,14 +216,16 @@ class PairRow {
   Numbers query_, sum_, result_;
 };
 
-/// Calls work(width) with the least number of lanes, as a constant, that holds k edges.
-template <class Work>
+/// Calls work(width) with the first of the ascending numbers of lanes, as a constant, that holds k edges.
+template <int... Widths, class Work>
 void with_width(int k, Work work) {
-  if (k <= 8) return work(std::integral_constant<int, 8>());
-  if (k <= 16) return work(std::integral_constant<int, 16>());
-  if (k <= 24) return work(std::integral_constant<int, 24>());
-  if (k <= 32) return work(std::integral_constant<int, 32>());
-  work(std::integral_constant<int, 64>());
+  bool done = false;
+  const auto try_width = [&]<int Width>(std::integral_constant<int, Width> width) {
+    if (done || k > Width) return;
+    work(width);
+    done = true;
+  };
+  (try_width(std::integral_constant<int, Widths>()), ...);
 }
 
 }  // namespace bitr::cpu

@@ -275,7 +275,7 @@ class PairAttentionGradientKernel : public Kernel<T> {
       : op_(op), constants_(op.op), places_(op.op) {}
 
   void run(const Arguments& args) const override {
-    with_width(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
+    with_width<24, 64>(args.in[1].per_row, [&](auto width) { run_width<width()>(args); });
   }
 
  private:
