@@ -22,7 +22,8 @@ struct Options {
   std::optional<Protocol> protocol;
   std::vector<double> shares;
   std::vector<std::uint64_t> points;
-  Split split = Split::test;
+  std::optional<Split> asked_split;
+  Split split = Split::test;  ///< what it comes to
   std::uint64_t shapes = 10'000, samples = 200, seed = 0, batch = 8;
   double noise = 0.01;
   bool same_points = false;
@@ -132,6 +133,22 @@ Result<DataSet> open_data(const Options& options, const Setting& setting, bool n
   return DataSet::open(data);
 }
 
+// A folder of a few shapes has not been divided for training either (TrainOptions: ShapeSplit::automatic).
+constexpr std::size_t least_divided = 10;
+
+void choose_split(Options& options, const Setting& setting, bool normals) {
+  options.split = options.asked_split.value_or(Split::test);
+  if (options.asked_split || options.folder.empty()) return;
+  Options whole = options;
+  whole.split = Split::all;
+  const auto all = open_data(whole, setting, normals);
+  if (!all || all->shapes() >= least_divided) return;
+  options.split = Split::all;
+  warn("--data " + options.folder + ": " + std::to_string(all->shapes()) +
+       (all->shapes() == 1 ? " shape is" : " shapes are") +
+       " too few to hold some back: a model trained on this folder has seen them");
+}
+
 Result<std::vector<DataSample>> draw(const DataSet& data, std::size_t first, std::size_t count,
                                      const Device& device) {
   std::vector<Result<DataSample>> drawn(count, fail(ErrorCode::internal, "not drawn"));
@@ -225,6 +242,7 @@ int run(Options& options) {
   const bool normals = std::any_of(methods->begin(), methods->end(), [](const Method& method) {
     return method.model && method.model->config().return_normals;
   });
+  choose_split(options, settings->front(), normals);
   // All opened before any is used: what is wrong with one should not come out after an hour.
   std::vector<DataSet> data;
   for (const Setting& setting : *settings) {
@@ -323,7 +341,7 @@ Command add_eval(CLI::App& root) {
                      {"validation", Split::validation},
                      {"train", Split::train},
                      {"all", Split::all}},
-                    options->split, "Shapes to use")
+                    options->asked_split, "Shapes to use; all of a folder that has fewer than 10")
       ->default_str("test");
   add_count(*app, "--shapes", options->shapes, 1, 10'000'000, "Shapes of a kind, before they are split");
   add_seed(*app, "--seed", options->seed, "Seed of the pairs");

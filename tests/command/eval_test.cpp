@@ -190,6 +190,11 @@ TEST(Eval, FoldersOfShapesAndWhatIsSkipped) {
   EXPECT_EQ(result["data"], shapes.path());
   EXPECT_EQ(result["skipped"].size(), 1u);
   EXPECT_EQ(result["rows"][0]["pairs"], 6);
+
+  const Finished few = run_command(
+      {"eval", "--data", shapes.path(), "--points", "100", "--samples", "2", "--methods", "identity"});
+  EXPECT_EQ(few.status, 0) << few.err;
+  EXPECT_THAT(few.err, HasSubstr("too few to hold some back"));
 }
 
 TEST(Eval, ExplainsItself) {
