@@ -33,20 +33,15 @@ VectorXd leaky_gradient(const VectorXd& x, const VectorXd& d) {
   return (x.array() > 0).select(d.array(), ops::leaky_slope * d.array());
 }
 
-// The layer's matrices at one degree and the gradients of what the fold makes of them.
-struct DegreeGradient {
-  MatrixXd paths, zero_paths;  // of the values' and keys' path matrices
-};
-
 // Adds to the gradients of project and query; returns those of the path matrices.
-DegreeGradient degree_gradient(const ops::AttentionLayer& layer, Degree d, const PathMatrix& paths, int heads,
-                               bool uniform, const MatrixXd& dM, const MatrixXd& dMz, const MatrixXd& dO,
-                               const MatrixXd& dOz, const MatrixXd& dS, ops::AttentionLayer& to) {
+PathMatrix degree_gradient(const ops::AttentionLayer& layer, Degree d, const PathMatrix& paths, int heads,
+                           bool uniform, const MatrixXd& dM, const MatrixXd& dMz, const MatrixXd& dO,
+                           const MatrixXd& dOz, const MatrixXd& dS, ops::AttentionLayer& to) {
   const int values = layer.value_fiber.channels(d), keys = layer.key_fiber.channels(d);
   const MatrixXd project = with_skip(layer.project, d);
   MatrixXd& d_project = to.project.weights.at(d);
-  DegreeGradient result{MatrixXd::Zero(paths.edge.rows(), paths.edge.cols()),
-                        MatrixXd::Zero(paths.zero.rows(), paths.zero.cols())};
+  PathMatrix result{MatrixXd::Zero(paths.edge.rows(), paths.edge.cols()),
+                    MatrixXd::Zero(paths.zero.rows(), paths.zero.cols())};
   const auto values_of = [&](const MatrixXd& path, const MatrixXd& d_out, MatrixXd& d_path) {
     const Eigen::Index n = values / heads, width = path.cols();
     for (int h = 0; h < heads; ++h) {
@@ -55,8 +50,8 @@ DegreeGradient degree_gradient(const ops::AttentionLayer& layer, Degree d, const
       d_path.middleRows(h * n, n) += project.middleCols(h * n, n).transpose() * part;
     }
   };
-  values_of(paths.edge, dO, result.paths);
-  values_of(paths.zero, dOz, result.zero_paths);
+  values_of(paths.edge, dO, result.edge);
+  values_of(paths.zero, dOz, result.zero);
   if (uniform) return result;
   const auto own = project.cols() - values;
   d_project.rightCols(own) += dS.leftCols(own);
@@ -74,8 +69,8 @@ DegreeGradient degree_gradient(const ops::AttentionLayer& layer, Degree d, const
       d_query.middleRows(h * n, n) += scale * (key * part);
     }
   };
-  keys_of(paths.edge, dM, result.paths);
-  keys_of(paths.zero, dMz, result.zero_paths);
+  keys_of(paths.edge, dM, result.edge);
+  keys_of(paths.zero, dMz, result.zero);
   return result;
 }
 
@@ -106,20 +101,20 @@ void add_point_attention_gradient(const ops::AttentionLayer& layer, const ops::P
                                   ops::AttentionLayer& to) {
   const PathMatrices paths = path_matrices(layer.values_keys);
   constexpr Degree scalar{0, 0}, vector{1, 0};
-  const DegreeGradient scalars =
+  const PathMatrix scalars =
       degree_gradient(layer, scalar, paths.degree0, gradient.heads, gradient.uniform, gradient.M0,
                       gradient.Mz0, gradient.O0, gradient.Oz0, gradient.S0, to);
-  DegreeGradient vectors;
+  PathMatrix vectors;
   if (gradient.m1 > 0)
     vectors = degree_gradient(layer, vector, paths.degree1, gradient.heads, gradient.uniform, gradient.M1,
                               gradient.Mz1, gradient.O1, gradient.Oz1, gradient.S1, to);
   for (std::size_t b = 0; b < layer.values_keys.blocks.size(); ++b) {
     const ops::RadialBlock& block = layer.values_keys.blocks[b];
-    const DegreeGradient& from = block.out == scalar ? scalars : vectors;
+    const PathMatrix& from = block.out == scalar ? scalars : vectors;
     VectorXd edge = VectorXd::Zero(block.out_channels * block.in_channels * block.freq()), zero = edge;
     for_each_path(block, layer.fiber_in, [&](const PathEntry& at) {
-      edge[at.radial] += from.paths(at.row, at.column);
-      if (at.zero_factor != 0) zero[at.radial] += at.zero_factor * from.zero_paths(at.row, at.zero_column);
+      edge[at.radial] += from.edge(at.row, at.column);
+      if (at.zero_factor != 0) zero[at.radial] += at.zero_factor * from.zero(at.row, at.zero_column);
     });
     ops::RadialNetwork& network = network_of(to.values_keys.blocks[b]);
     add_constant_radial_gradient(*block.network, false, edge, network);
