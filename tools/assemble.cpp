@@ -50,7 +50,7 @@ Result<Input> read_input(const std::string& path, const Options& options) {
 }
 
 Result<Model> choose_model(Options& options, const Input& source, const Input& reference) {
-  if (!options.model.empty()) return model_named(options.model);
+  if (!options.model.empty()) return find_model(options.model);
   if (!options.complete_match) {
     auto model = shipped_model(shipped_models().front().name);
     const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();

@@ -93,7 +93,7 @@ int run(Options& options) {
   if (const auto checked = check_profile(options.run, {options.model}, {options.json}); !checked)
     return complain(checked.error());
   options.run.plan.mode = options.mode;
-  const auto model = options.model.empty() ? untrained_model() : model_named(options.model);
+  const auto model = options.model.empty() ? untrained_model() : find_model(options.model);
   if (!model) return complain(model.error());
 
   std::vector<GeneratedPair> clouds;

@@ -1,7 +1,9 @@
 // bitr eval: how far models and methods are from the truth, on pairs that are made for it.
+#include <algorithm>
 #include <bitr/data.hpp>
 #include <bitr/evaluate.hpp>
 #include <bitr/io.hpp>
+#include <bitr/train.hpp>
 #include <memory>
 
 #include "command.hpp"
@@ -38,18 +40,13 @@ struct Setting {
   std::uint64_t points = 0;
 };
 
-std::string_view split_name(Split split) {
-  switch (split) {
-    case Split::all:
-      return "all";
-    case Split::train:
-      return "train";
-    case Split::validation:
-      return "validation";
-    case Split::test:
-      break;
-  }
-  return "test";
+const std::vector<std::pair<std::string, Split>> split_names = {
+    {"test", Split::test}, {"validation", Split::validation}, {"train", Split::train}, {"all", Split::all}};
+
+std::string split_name(Split split) {
+  return std::find_if(split_names.begin(), split_names.end(),
+                      [&](const auto& known) { return known.second == split; })
+      ->first;
 }
 
 tl::unexpected<Error> wrong(const std::string& message) { return fail(ErrorCode::invalid_argument, message); }
@@ -133,16 +130,14 @@ Result<DataSet> open_data(const Options& options, const Setting& setting, bool n
   return DataSet::open(data);
 }
 
-// A folder of a few shapes has not been divided for training either (TrainOptions: ShapeSplit::automatic).
-constexpr std::size_t least_divided = 10;
-
+// A folder of a few shapes has not been divided for training either (ShapeSplit::automatic).
 void choose_split(Options& options, const Setting& setting, bool normals) {
   options.split = options.asked_split.value_or(Split::test);
   if (options.asked_split || options.folder.empty()) return;
   Options whole = options;
   whole.split = Split::all;
   const auto all = open_data(whole, setting, normals);
-  if (!all || all->shapes() >= least_divided) return;
+  if (!all || all->shapes() >= least_divided_shapes) return;
   options.split = Split::all;
   warn("--data " + options.folder + ": " + std::to_string(all->shapes()) +
        (all->shapes() == 1 ? " shape is" : " shapes are") +
@@ -225,10 +220,10 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
 }
 
 std::string describe(const Options& options, std::size_t shapes) {
-  return (options.kind.empty() ? options.folder : options.kind) + ", " +
-         std::string(split_name(options.split)) + " split of " + std::to_string(shapes) +
-         (shapes == 1 ? " shape" : " shapes") + ", noise " + Json(options.noise).dump() + ", seed " +
-         std::to_string(options.seed) + (options.same_points ? ", the same points in both clouds" : "") +
+  return (options.kind.empty() ? options.folder : options.kind) + ", " + split_name(options.split) +
+         " split of " + std::to_string(shapes) + (shapes == 1 ? " shape" : " shapes") + ", noise " +
+         Json(options.noise).dump() + ", seed " + std::to_string(options.seed) +
+         (options.same_points ? ", the same points in both clouds" : "") +
          (options.protocol ? "; points are counted before the crop" : "");
 }
 
@@ -306,16 +301,10 @@ Command add_eval(CLI::App& root) {
   app->add_option("--keep", options->keep,
                   "Share of the points that ICP keeps; by the protocol unless given, see below")
       ->type_name("SHARE");
-  std::vector<std::pair<std::string, Protocol>> names;
-  std::string explained;
-  for (const ProtocolName& protocol : protocols()) {
-    names.emplace_back(protocol.name, protocol.protocol);
-    explained += "  " + std::string(protocol.name) + std::string(13 - protocol.name.size(), ' ') +
-                 std::string(protocol.summary) + "\n";
-  }
-  add_choice<Protocol>(*app, "--protocol", names, options->protocol,
-                       "Crop the whole object in two, see below; the kind's own way unless given, opposed "
-                       "for files");
+  const std::string explained =
+      add_protocol(*app, options->protocol,
+                   "Crop the whole object in two, see below; the kind's own way unless given, opposed "
+                   "for files");
   app->add_option("--share", options->shares, "Shares S that a crop keeps, each evaluated on its own")
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -336,12 +325,9 @@ Command add_eval(CLI::App& root) {
   app->add_flag("--same-points", options->same_points,
                 "Both crops take their points from one sample of the surface, not each from its own");
   add_count(*app, "--samples", options->samples, 1, 1'000'000, "Pairs of every share and number of points");
-  add_choice<Split>(*app, "--split",
-                    {{"test", Split::test},
-                     {"validation", Split::validation},
-                     {"train", Split::train},
-                     {"all", Split::all}},
-                    options->asked_split, "Shapes to use; all of a folder that has fewer than 10")
+  add_choice<Split>(
+      *app, "--split", split_names, options->asked_split,
+      "Shapes to use; all of a folder that has fewer than " + std::to_string(least_divided_shapes))
       ->default_str("test");
   add_count(*app, "--shapes", options->shapes, 1, 10'000'000, "Shapes of a kind, before they are split");
   add_seed(*app, "--seed", options->seed, "Seed of the pairs");

@@ -26,7 +26,7 @@ Result<Method> control_named(const std::string& name) {
 
 Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods) {
   for (const std::string& file : choice.models) {
-    auto model = model_named(file);
+    auto model = find_model(file);
     if (!model) return tl::unexpected(model.error());
     if (model->config().get_color)
       return fail(ErrorCode::invalid_argument, file + ": reads colours, which the samples do not have");

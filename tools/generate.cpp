@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "command.hpp"
+#include "data/part.hpp"
 #include "options.hpp"
 #include "output.hpp"
 
@@ -124,7 +125,7 @@ Result<void> check(const Options& options) {
 
 int run(Options& options) {
   options.pair.points = options.points;
-  const bool cropped_anyway = options.kind == crops || options.kind == "aircraft";
+  const bool cropped_anyway = options.kind == crops || data::is_cropped({.kind = options.kind});
   if (cropped_anyway && !options.pair.protocol) options.pair.protocol = Protocol::opposed;
   if (const auto valid = check(options); !valid) return complain(valid.error());
   const auto maker = Maker::open(options);
@@ -181,15 +182,9 @@ Command add_generate(CLI::App& root) {
   app->add_option("--roughness", options->pair.roughness, "Standard deviation of a break's relief")
       ->type_name("LENGTH")
       ->capture_default_str();
-  std::vector<std::pair<std::string, Protocol>> names;
-  std::string explained;
-  for (const ProtocolName& protocol : protocols()) {
-    names.emplace_back(protocol.name, protocol.protocol);
-    explained += "  " + std::string(protocol.name) + std::string(13 - protocol.name.size(), ' ') +
-                 std::string(protocol.summary) + "\n";
-  }
-  add_choice<Protocol>(*app, "--protocol", names, options->pair.protocol,
-                       "Crop the whole object in two, see below; opposed for aircraft and crops");
+  const std::string explained =
+      add_protocol(*app, options->pair.protocol,
+                   "Crop the whole object in two, see below; opposed for aircraft and crops");
   app->add_option_function<double>(
          "--share",
          [options](double share) {

@@ -20,7 +20,7 @@ struct Options {
 int run(const Options& options) {
   if (const auto checked = check_output("--json", options.json, {options.input}); !checked)
     return complain(checked.error());
-  const auto model = model_named(options.input);
+  const auto model = find_model(options.input);
   if (!model) return complain(model.error());
 
   const auto& metadata = model->weights().metadata;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bitr/io.hpp>
 #include <charconv>
-#include <filesystem>
 #include <limits>
 
 #include "output.hpp"
@@ -67,11 +66,16 @@ CLI::Option* add_model(CLI::App& app, std::string& model, const std::string& oth
       ->type_name("FILE|NAME");
 }
 
-Result<Model> model_named(const std::string& text) {
-  std::error_code ignored;
-  const std::filesystem::path path = text;
-  const bool file = path.has_extension() || path.has_parent_path() || std::filesystem::exists(path, ignored);
-  return file ? load_model(path) : shipped_model(text);
+std::string add_protocol(CLI::App& app, std::optional<Protocol>& protocol, const std::string& description) {
+  std::vector<std::pair<std::string, Protocol>> names;
+  std::string explained;
+  for (const ProtocolName& known : protocols()) {
+    names.emplace_back(known.name, known.protocol);
+    explained += "  " + std::string(known.name) + std::string(13 - known.name.size(), ' ') +
+                 std::string(known.summary) + "\n";
+  }
+  add_choice<Protocol>(app, "--protocol", std::move(names), protocol, description);
+  return explained;
 }
 
 CLI::Option* add_json(CLI::App& app, std::string& path) {

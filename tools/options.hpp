@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
+#include <bitr/generate.hpp>
 #include <bitr/model.hpp>
 #include <cstdint>
 #include <optional>
@@ -49,9 +50,10 @@ CLI::Option* add_json(CLI::App& app, std::string& path);
 /// --json with or without a file; "-" without.
 CLI::Option* add_optional_json(CLI::App& app, std::string& path);
 
-/// --model FILE|NAME, and what it names: a file of weights or a model that ships.
+/// --model FILE|NAME, for find_model().
 CLI::Option* add_model(CLI::App& app, std::string& model, const std::string& otherwise);
-Result<Model> model_named(const std::string& text);
+/// --protocol; returns a line for each, for the help's end.
+std::string add_protocol(CLI::App& app, std::optional<Protocol>& protocol, const std::string& description);
 
 /// How a plan runs: where (device_choice.hpp), --precision, --as-defined, --profile.
 struct RunOptions {

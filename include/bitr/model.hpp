@@ -110,6 +110,10 @@ std::span<const ShippedModel> shipped_models();
 /// `invalid_argument` when there is none of that name.
 Result<Model> shipped_model(std::string_view name);
 
+/// What a person wrote where a model is asked for: a path (with a folder or an extension, or of a file that is
+/// there) or the name of a model that ships. Errors as of load_model and shipped_model.
+Result<Model> find_model(const std::string& text);
+
 /// Safetensors bytes, float32, with canonical names, "bitr.config" and "bitr.mode" in the metadata.
 std::vector<std::byte> serialize(const Model& model);
 

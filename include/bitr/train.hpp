@@ -55,9 +55,12 @@ struct CheckpointOptions {
   std::size_t steps = 0;  ///< every so many; 0: not by steps
 };
 
+/// Fewer shapes than these are not divided unless it is asked for.
+inline constexpr std::size_t least_divided_shapes = 10;
+
 /// How shapes are held back for validation.
 enum class ShapeSplit : std::uint8_t {
-  automatic,  ///< `shapes`, or `none` where there are fewer than 10
+  automatic,  ///< `shapes`, or `none` where there are fewer than least_divided_shapes
   shapes,     ///< by Split::train and Split::validation
   none,       ///< validation has other crops of the same shapes
 };

@@ -11,10 +11,7 @@ class CpuRunner : public Runner {
 
   void run(const PackedBatch& batch, cpu::ThreadPool& pool) override {
     executor_.prepare(batch.layout);
-    for_each_input(batch, executor_.graph(),
-                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
-                     copy_rows(rows, shift, 3, executor_.data(id) + 3 * row);
-                   });
+    fill_inputs(batch, executor_.graph(), 3, [&](graph::TensorId id) { return executor_.data(id); });
     executor_.run(pool);
   }
   std::vector<double> tensor(graph::TensorId id) const override {

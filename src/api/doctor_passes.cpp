@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "api/doctor.hpp"
+#include "api/guarded.hpp"
 #include "core/failure.hpp"
 #include "core/random.hpp"
 
@@ -14,17 +15,11 @@ constexpr double allowed_degrees = 0.05;      // of single precision, on well de
 constexpr double allowed_translation = 1e-3;  // over the clouds' size and the translation itself
 constexpr double least_gap = 0.3;             // of a well determined rotation
 
-template <class T>
-T checked(Result<T> result) {
-  if (!result) throw Failure(result.error().code, result.error().message);
-  return std::move(*result);
-}
-
 std::vector<Assembly> solve(Plan& plan, const std::vector<RandomPair>& pairs) {
   std::vector<CloudPair> views;
   views.reserve(pairs.size());
   for (const RandomPair& pair : pairs) views.push_back(pair.view());
-  return checked(assemble(plan, views, {.diagnostics = false}));
+  return value_or_throw(assemble(plan, views, {.diagnostics = false}));
 }
 
 Plan plan_for(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
@@ -32,7 +27,7 @@ Plan plan_for(const Device& device, const Model& model, const std::vector<Random
   // Exchanged clouds need no more than the pairs themselves.
   BatchShape shape{pairs.size(), 0};
   for (const RandomPair& pair : pairs) shape.points += pair.source.size() + pair.reference.size();
-  return checked(make_plan(device, model, shape, {.precision = precision}));
+  return value_or_throw(make_plan(device, model, shape, {.precision = precision}));
 }
 
 // A bent, uneven blob of about unit size.

@@ -1,6 +1,7 @@
 // Batches of clouds as the network reads them.
 #pragma once
 
+#include <algorithm>
 #include <bitr/assemble.hpp>
 
 #include "graph/graph.hpp"
@@ -23,25 +24,30 @@ Result<PackedBatch> pack(const ModelConfig& config, Precision precision, const B
 /// The fewest points a cloud may have.
 std::size_t least_points(const ModelConfig& config);
 
-/// Rows of a cloud's attribute, minus `shift`, `stride` numbers apart; what is between them stays.
+/// Rows of a cloud's attribute, minus `shift`, `stride` numbers apart, zeros between them.
 template <class T>
 void copy_rows(const Vec3View& rows, const Vec3d& shift, std::size_t stride, T* to) {
   for (std::size_t i = 0; i < rows.count; ++i, to += stride) {
     const Vec3d row = rows[i];
     for (std::size_t a = 0; a < 3; ++a) to[a] = static_cast<T>(row[a] - shift[a]);
+    std::fill(to + 3, to + stride, T{0});
   }
 }
 
-/// Calls fill(tensor, rows, shift, first row) for every attribute of every cloud that the graph reads.
-template <class Fill>
-void for_each_input(const PackedBatch& batch, const graph::Graph& graph, Fill fill) {
+/// Writes every attribute of every cloud that the graph reads. `data(id)` is where a tensor begins, in rows
+/// of `stride` numbers, those past the third 0.
+template <class Data>
+void fill_inputs(const PackedBatch& batch, const graph::Graph& graph, std::size_t stride, Data data) {
   for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
     const CloudView& cloud = *batch.clouds[c];
-    const std::size_t row = batch.layout.cloud_offset[c];
-    fill(graph.positions, cloud.positions, batch.centroids[c], row);
-    if (graph.normals != graph::no_tensor) fill(graph.normals, cloud.normals, Vec3d{}, row);
-    if (graph.colors != graph::no_tensor) fill(graph.colors, cloud.colors, Vec3d{}, row);
-    if (graph.offsets != graph::no_tensor) fill(graph.offsets, Vec3View(batch.offsets[c]), Vec3d{}, row);
+    const auto fill = [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift) {
+      if (id != graph::no_tensor)
+        copy_rows(rows, shift, stride, data(id) + stride * batch.layout.cloud_offset[c]);
+    };
+    fill(graph.positions, cloud.positions, batch.centroids[c]);
+    fill(graph.normals, cloud.normals, {});
+    fill(graph.colors, cloud.colors, {});
+    if (graph.offsets != graph::no_tensor) fill(graph.offsets, Vec3View(batch.offsets[c]), {});
   }
 }
 

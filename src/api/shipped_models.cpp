@@ -1,6 +1,7 @@
 // The bytes come from shipped_models.S.in, one object per model.
 #include <array>
 #include <bitr/model.hpp>
+#include <filesystem>
 
 extern "C" {
 extern const std::byte bitr_model_vessel_begin[], bitr_model_vessel_end[];
@@ -36,6 +37,13 @@ Result<Model> shipped_model(std::string_view name) {
   }
   return fail(ErrorCode::invalid_argument,
               "no model is called " + std::string(name) + "; there are " + known);
+}
+
+Result<Model> find_model(const std::string& text) {
+  std::error_code ignored;
+  const std::filesystem::path path = text;
+  const bool file = path.has_extension() || path.has_parent_path() || std::filesystem::exists(path, ignored);
+  return file ? load_model(path) : shipped_model(text);
 }
 
 }  // namespace bitr

@@ -12,13 +12,8 @@ class VulkanRunner : public Runner {
 
   void run(const PackedBatch& batch, cpu::ThreadPool&) override {
     executor_.prepare(batch.layout);
-    constexpr std::size_t stride = vk::padded(3);
-    for_each_input(batch, executor_.graph(),
-                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
-                     float* to = executor_.input(id) + stride * row;
-                     std::fill_n(to, stride * rows.count, 0.0F);
-                     copy_rows(rows, shift, stride, to);
-                   });
+    fill_inputs(batch, executor_.graph(), vk::padded(3),
+                [&](graph::TensorId id) { return executor_.input(id); });
     executor_.run();
   }
   std::vector<double> tensor(graph::TensorId id) const override {

@@ -17,14 +17,6 @@ void store_constants(const Slot* slot, Operation& gradient) {
     to = std::transform(span.begin(), span.end(), to, [](double x) { return static_cast<T>(x); });
 }
 
-/// Adds one operation's constants to another's of the same shape.
-template <class Operation>
-void add_constants(Operation& sum, Operation& part) {
-  const auto to = ops::constants(sum), from = ops::constants(part);
-  for (std::size_t s = 0; s < to.size(); ++s)
-    for (std::size_t i = 0; i < to[s].size(); ++i) to[s][i] += from[s][i];
-}
-
 /// The gradient of an operation's constants: the sum over rows, of fixed pieces of at least `least` rows,
 /// each with a place of its own, in order. body(begin, end, part) adds rows [begin, end) to `part`.
 template <class Operation, class Body>
@@ -38,7 +30,7 @@ Operation sum_constants(const Arguments& args, const Operation& op, std::size_t 
   args.pool.parallel_for(parts.size(), 1, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i) body(i * piece, std::min(rows, (i + 1) * piece), parts[i]);
   });
-  for (Operation& part : parts) add_constants(sum, part);
+  for (Operation& part : parts) ops::add_constants(sum, part);
   return sum;
 }
 

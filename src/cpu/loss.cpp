@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/turn.hpp"
 #include "cpu/kernel.hpp"
 
 namespace bitr::cpu {
@@ -25,12 +26,9 @@ struct Truth {
   Truth(const Eigen::Matrix<double, ops::truth_width, 1>& row, const Matrix3d& estimate)
       : R(Eigen::Map<const RowMatrix3>(row.data())), t(row.segment<3>(9)) {
     const Vector3d axis = row.segment<3>(12), centre = row.segment<3>(15);
-    const double step = row[18];
-    const Matrix3d A = R.transpose() * estimate;
-    // ⟨A, S(θ)⟩ is largest here.
-    const Vector3d skew(A(2, 1) - A(1, 2), A(0, 2) - A(2, 0), A(1, 0) - A(0, 1));
-    double angle = std::atan2(axis.dot(skew), A.trace() - axis.dot(A * axis));
-    if (step > 0) angle = step * std::round(angle / step);
+    std::array<double, 9> A;
+    Eigen::Map<RowMatrix3>(A.data()) = R.transpose() * estimate;
+    const double angle = nearest_turn(A, {axis[0], axis[1], axis[2]}, row[18]);
     const Matrix3d S = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
     t += R * (centre - S * centre);
     R = R * S;

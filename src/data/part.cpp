@@ -52,6 +52,12 @@ Result<void> check_range(const std::string& name, double low, double high, doubl
                std::to_string(least) + " … " + std::to_string(most));
 }
 
+bool is_cropped(const DataPart& part) {
+  if (part.protocol || part.kind.empty()) return true;
+  const auto kind = generate::kind_named(part.kind);
+  return kind && (*kind)->way == generate::Way::cropped;
+}
+
 Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {
   Part part;
   part.recipe = recipe;

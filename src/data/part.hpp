@@ -31,6 +31,9 @@ struct Part {
   }
 };
 
+/// Whether its clouds are crops, of which `share` is kept.
+bool is_cropped(const DataPart& part);
+
 /// Errors as of DataSet::open, without the part's number.
 Result<Part> open_part(const DataPart& recipe, const DataOptions& options);
 

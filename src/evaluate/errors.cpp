@@ -5,6 +5,8 @@
 #include <numbers>
 #include <vector>
 
+#include "core/turn.hpp"
+
 namespace bitr {
 namespace {
 
@@ -25,29 +27,15 @@ Pose turn_about(const Vec3d& axis, double angle) {
   return turn;
 }
 
-/// The object's symmetry turn that is nearest to a rotation. The trace of S(θ)ᵀ R is
-/// cos θ (tr R − nᵀRn) + sin θ (n · (R − Rᵀ)^∨) + nᵀRn: it falls off evenly on both sides of its maximum.
-Pose nearest_turn(const Symmetry& symmetry, const Pose& rotation) {
-  const auto& r = rotation.rotation;
-  const Vec3d& n = symmetry.axis;
-  const Vec3d turned = rotation.rotate(n);
-  const double along = n[0] * turned[0] + n[1] * turned[1] + n[2] * turned[2];
-  const double sine = n[0] * (r[7] - r[5]) + n[1] * (r[2] - r[6]) + n[2] * (r[3] - r[1]);
-  double angle = std::atan2(sine, r[0] + r[4] + r[8] - along);
-  if (symmetry.order > 0) {
-    const double step = 2 * std::numbers::pi / symmetry.order;
-    angle = step * std::round(angle / step);
-  }
-  return turn_about(n, angle);
-}
-
 /// The truth, after the turn of the object that brings it nearest to the pose.
 Pose nearest_truth(const Pose& pose, const DataSample& sample) {
   if (sample.symmetry.order == 1) return sample.T_reference_source;
   const Pose T_reference_object = sample.T_reference_source * sample.T_source_object;
-  Pose between = T_reference_object.inverse() * pose * sample.T_source_object;
-  between.translation = {};
-  return T_reference_object * nearest_turn(sample.symmetry, between) * sample.T_source_object.inverse();
+  const Pose between = T_reference_object.inverse() * pose * sample.T_source_object;
+  const auto& [axis, order] = sample.symmetry;
+  const double step = order > 0 ? 2 * std::numbers::pi / order : 0;
+  const Pose turn = turn_about(axis, nearest_turn(between.rotation, axis, step));
+  return T_reference_object * turn * sample.T_source_object.inverse();
 }
 
 double median_of(const std::vector<double>& sorted) {

@@ -15,8 +15,10 @@ class Differentiator {
     const std::size_t nodes = graph().nodes.size();
     result_.constants.assign(nodes, no_tensor);
     find_dependent(nodes);
+    // A gradient and a sum for each at most: nodes stay where they are.
+    graph().nodes.reserve(2 * nodes + graph().tensors.size());
     for (std::size_t i = nodes; i-- > 0;) {
-      const Node node = graph().nodes[i];
+      const Node& node = graph().nodes[i];
       std::visit([&](const auto& op) { differentiate(op, node, i); }, node.op);
     }
     return std::move(result_);

@@ -1,7 +1,5 @@
 // Two-sided layers: fold_pairs.cpp backwards.
-#include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include "model/fold_gradient.hpp"
 #include "ops/constants.hpp"
@@ -22,12 +20,8 @@ void add_pair_attention_gradient(const ops::AttentionLayer& layer, const ops::Pa
     add_sector_table_gradient(folded.tables[i], gradient.tables[i],
                               blocks[i]->in_channels * blocks[i]->out_channels, parts[i]);
   });
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const auto network = ops::constants(const_cast<ops::RadialNetwork&>(*blocks[i]->network)),
-               part = ops::constants(parts[i]);
-    for (std::size_t s = 0; s < part.size(); ++s)
-      std::transform(part[s].begin(), part[s].end(), network[s].begin(), network[s].begin(), std::plus<>());
-  }
+  for (std::size_t i = 0; i < blocks.size(); ++i)
+    ops::add_constants(const_cast<ops::RadialNetwork&>(*blocks[i]->network), parts[i]);
 
   const double logit_scale = 1 / std::sqrt(layer.key_fiber.component_count());
   for (const auto& [d, matrix] : gradient.query) to.query.weights.at(d) += logit_scale * matrix;

@@ -23,34 +23,34 @@ class Collector {
     return [this](const std::string& name, const auto& matrix) { gradients.at(name) += matrix; };
   }
 
-  void add(const LayerSpec& spec, const ops::AttentionLayer& layer, const std::string& folded_name) {
+  /// A layer, and the ReLU behind it where there is one.
+  void add(const LayerSpec& spec, const ops::AttentionLayer& layer, const ReluSpec* relu_spec,
+           const ops::ProjectedRelu* relu, const std::string& folded_name) {
     ops::AttentionLayer to = zeros_like(layer);
+    ops::DegreeMatrices planes;
     if (const auto points = gradient<ops::PointAttention>(folded_name)) {
       add_point_attention_gradient(layer, *points, to);
+      planes[{1, 0}] = points->plane;
     } else if (const auto first = gradient<ops::MeanDirection>(folded_name)) {
       add_point_attention_gradient(layer, first->general, to);
+      planes[{1, 0}] = first->general.plane;
     } else if (const auto cloud = gradient<ops::CloudCoefficients>(folded_name + ".coefficients")) {
       add_point_attention_gradient(layer, cloud->full, to);
     } else if (const auto pairs = gradient<ops::PairAttention>(folded_name)) {
       const auto& op = std::get<ops::PairAttention>(made_.nodes[numbers_.at(folded_name).node].op);
       add_pair_attention_gradient(layer, op, *pairs, to, for_each_);
+      planes = pairs->planes;
     } else {
       take_expanded(spec.stage, to);
+      if (relu)
+        if (const auto own = gradient<ops::ProjectedRelu>(relu_spec->stage)) planes = own->planes;
     }
     visit_parameters(spec, to, adding());
-  }
-
-  void add(const ReluSpec& spec, const ops::ProjectedRelu& relu, const std::string& folded_name) {
-    ops::ProjectedRelu to = ops::zeros_like(relu);
-    if (const auto own = gradient<ops::ProjectedRelu>(spec.stage))
-      to = *own;
-    else if (const auto points = gradient<ops::PointAttention>(folded_name))
-      to.planes.at({1, 0}) = points->plane;
-    else if (const auto first = gradient<ops::MeanDirection>(folded_name))
-      to.planes.at({1, 0}) = first->general.plane;
-    else if (const auto pairs = gradient<ops::PairAttention>(folded_name))
-      to.planes = pairs->planes;
-    visit_parameters(spec, to, adding());
+    if (!relu) return;
+    ops::ProjectedRelu relu_to = ops::zeros_like(*relu);
+    for (auto& [degree, matrix] : relu_to.planes)
+      if (const auto found = planes.find(degree); found != planes.end()) matrix = found->second;
+    visit_parameters(*relu_spec, relu_to, adding());
   }
 
   void add(const ops::Head& head, const std::string& name) {
@@ -133,12 +133,10 @@ Gradients parameter_gradients(const Weights& weights, const Graph& whole, const 
       std::string name = whole.tensors[node.outputs.front()].name;
       const ops::ProjectedRelu* relu = nullptr;
       if (i + 1 < whole.nodes.size()) relu = std::get_if<ops::ProjectedRelu>(&whole.nodes[i + 1].op);
-      if (relu) {
-        const std::string relu_name = whole.tensors[whole.nodes[i + 1].outputs.front()].name;
-        if (made.find(name) == graph::no_tensor) name = relu_name;
-        collect.add(*relus.at(whole.nodes[i + 1].name), *relu, relu_name);
-      }
-      collect.add(*layers.at(node.name), *layer, name);
+      if (relu && made.find(name) == graph::no_tensor)
+        name = whole.tensors[whole.nodes[i + 1].outputs.front()].name;
+      collect.add(*layers.at(node.name), *layer, relu ? relus.at(whole.nodes[i + 1].name) : nullptr, relu,
+                  name);
     } else if (const auto* head = std::get_if<ops::Head>(&node.op)) {
       collect.add(*head, node.name);
     }

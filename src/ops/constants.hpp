@@ -108,6 +108,14 @@ std::size_t constant_count(const Operation& op) {
   return count;
 }
 
+/// Adds one operation's constants to another's of the same shape.
+template <class Operation>
+void add_constants(Operation& sum, Operation& part) {
+  const auto to = constants(sum), from = constants(part);
+  for (std::size_t s = 0; s < to.size(); ++s)
+    for (std::size_t i = 0; i < to[s].size(); ++i) to[s][i] += from[s][i];
+}
+
 /// The same shapes, all zero: a place for the gradient of the constants.
 template <class Operation>
 Operation zeros_like(const Operation& op) {

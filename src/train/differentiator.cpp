@@ -1,5 +1,6 @@
 #include "train/differentiator.hpp"
 
+#include "api/guarded.hpp"
 #include "api/pack.hpp"
 #include "core/failure.hpp"
 #include "cpu/executor.hpp"
@@ -9,12 +10,6 @@
 
 namespace bitr::train {
 namespace {
-
-PackedBatch packed(const ModelConfig& config, Precision precision, const std::vector<CloudPair>& pairs) {
-  auto batch = pack(config, precision, shape_of(pairs), pairs);
-  if (!batch) throw Failure(batch.error().code, batch.error().message);
-  return std::move(*batch);
-}
 
 // Between the clouds' centroids.
 Truth truth_of(const TrainingPair& pair, const Vec3d& source, const Vec3d& reference) {
@@ -41,10 +36,7 @@ class CpuSteps {
     else
       executor_.emplace(std::move(graph), false);
     executor_->prepare(batch.layout);
-    for_each_input(batch, executor_->graph(),
-                   [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
-                     copy_rows(rows, shift, 3, executor_->data(id) + 3 * row);
-                   });
+    fill_inputs(batch, executor_->graph(), 3, [&](graph::TensorId id) { return executor_->data(id); });
     T* to = executor_->data(executor_->graph().truth);
     for (const Truth& truth : truths)
       to = std::transform(truth.begin(), truth.end(), to, [](double x) { return static_cast<T>(x); });
@@ -71,7 +63,8 @@ class GraphDifferentiator : public Differentiator {
                      Gradients& gradients) override {
     std::vector<CloudPair> clouds;
     for (const TrainingPair& pair : pairs) clouds.push_back({pair.source, pair.reference});
-    const PackedBatch batch = packed(weights.config, options_.precision, clouds);
+    const PackedBatch batch =
+        value_or_throw(pack(weights.config, options_.precision, shape_of(clouds), clouds));
     std::vector<Truth> truths;
     for (std::size_t i = 0; i < pairs.size(); ++i)
       truths.push_back(truth_of(pairs[i], batch.centroids[i], batch.centroids[i + pairs.size()]));

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <system_error>
 
+#include "api/guarded.hpp"
 #include "core/failure.hpp"
 
 namespace bitr::train {
@@ -24,9 +25,8 @@ using Json = nlohmann::ordered_json;
 Metrics::Metrics(std::filesystem::path file, std::size_t step) : file_(std::move(file)) {
   std::string kept;
   if (step > 0 && std::filesystem::exists(file_)) {
-    const auto bytes = io::read_file(file_);
-    if (!bytes) throw Failure(bytes.error().code, bytes.error().message);
-    const std::string_view text(reinterpret_cast<const char*>(bytes->data()), bytes->size());
+    const auto bytes = value_or_throw(io::read_file(file_));
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
     for (std::size_t at = 0; at < text.size();) {
       const std::size_t end = text.find('\n', at);
       if (end == std::string_view::npos) break;
@@ -39,8 +39,7 @@ Metrics::Metrics(std::filesystem::path file, std::size_t step) : file_(std::move
       if (remember(json)) kept += std::string(line) + '\n';
     }
   }
-  const auto written = io::write_file(file_, std::as_bytes(std::span(kept)));
-  if (!written) throw Failure(written.error().code, written.error().message);
+  value_or_throw(io::write_file(file_, std::as_bytes(std::span(kept))));
   descriptor_ = ::open(file_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
   if (descriptor_ < 0) refuse(file_, "open for writing");
 }

@@ -4,7 +4,9 @@
 #include <chrono>
 #include <cmath>
 
+#include "api/guarded.hpp"
 #include "core/failure.hpp"
+#include "data/part.hpp"
 #include "model/load.hpp"
 #include "train/curves.hpp"
 #include "train/metrics.hpp"
@@ -22,18 +24,13 @@ double seconds_since(Clock::time_point start) {
 }
 
 void write(const std::filesystem::path& path, std::span<const std::byte> bytes) {
-  const auto written = io::write_file(path, bytes);
-  if (!written) throw Failure(written.error().code, written.error().message);
+  value_or_throw(io::write_file(path, bytes));
 }
 
 std::optional<Checkpoint> read_checkpoint(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return {};
-  const auto bytes = io::read_file(path);
-  if (!bytes) throw Failure(bytes.error().code, bytes.error().message);
-  auto checkpoint = parse_checkpoint(*bytes, path.string());
-  if (!checkpoint) throw Failure(checkpoint.error().code, checkpoint.error().message);
-  return std::move(*checkpoint);
+  return value_or_throw(parse_checkpoint(value_or_throw(io::read_file(path)), path.string()));
 }
 
 void check_same_run(const TrainOptions& options, const Checkpoint& checkpoint, const std::string& file) {
@@ -48,8 +45,7 @@ void check_same_run(const TrainOptions& options, const Checkpoint& checkpoint, c
 
 /// The shares of its points that a cloud of the part has: all of them where nothing is cropped.
 std::pair<double, double> kept_shares(const DataPart& part) {
-  const bool cropped = part.protocol || part.kind == "aircraft" || part.kind.empty();
-  if (!cropped) return {1, 1};
+  if (!data::is_cropped(part)) return {1, 1};
   const double low = part.share_low, high = part.share_high;
   if (part.protocol == Protocol::complement) return {std::min(low, 1 - high), std::max(high, 1 - low)};
   return {low, high};

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
 #include "model/load.hpp"
@@ -17,13 +18,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* key_logits = "feature_extract.key_layer.key_regress.project.1.transform.(0, 0)";
-constexpr std::size_t few_shapes = 10;
-
-template <class T>
-T value_or_throw(Result<T> result) {
-  if (!result) throw Failure(result.error().code, result.error().message);
-  return std::move(*result);
-}
 
 // Files that are only validated on are not divided.
 bool own_files(const TrainOptions& options, const std::vector<DataPart>& parts) {
@@ -41,7 +35,7 @@ Split split_of(const TrainOptions& options, Split wanted, const DataOptions& dat
   DataOptions all = data;
   all.parts = options.data.parts;
   all.split = Split::all;
-  return value_or_throw(DataSet::open(all)).shapes() < few_shapes ? Split::all : wanted;
+  return value_or_throw(DataSet::open(all)).shapes() < least_divided_shapes ? Split::all : wanted;
 }
 
 // Why a pair cannot be used; empty if it can.
@@ -56,15 +50,11 @@ std::string unusable(const DataSample& sample, std::size_t least) {
 
 model::Weights starting_weights(const TrainOptions& options) {
   if (!options.init.empty()) {
-    // A file, or the name of a model that ships.
-    const bool file = options.init.has_extension() || std::filesystem::exists(options.init);
-    model::Weights weights =
-        value_or_throw(file ? load_model(options.init) : shipped_model(options.init.string())).weights();
+    model::Weights weights = value_or_throw(find_model(options.init.string())).weights();
     weights.metadata.clear();
     return weights;
   }
-  if (const auto valid = validate(options.model); !valid)
-    throw Failure(valid.error().code, "model: " + valid.error().message);
+  value_or_throw(validate(options.model), "model: ");
   model::Weights weights = model::initial_weights(options.model, options.seed, options.mode);
   weights.parameters.at(key_logits) *= options.key_logit_scale;
   return weights;

@@ -4,8 +4,10 @@
 #include <bitr/assemble.hpp>
 #include <cstdio>
 
+#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
+#include "data/part.hpp"
 #include "train/trainer.hpp"
 
 namespace bitr::train {
@@ -14,19 +16,13 @@ namespace {
 std::string name_of(const DataPart& part) {
   std::string text = part.kind.empty() ? part.folder.string() : part.kind;
   if (part.protocol) text += " " + std::string(bitr::name(*part.protocol));
-  if (!part.protocol && part.kind != "aircraft" && !part.kind.empty()) return text;
+  if (!data::is_cropped(part)) return text;
   char share[64];
   if (part.share_low == part.share_high)
     std::snprintf(share, sizeof share, " s=%.4g", part.share_low);
   else
     std::snprintf(share, sizeof share, " s=%.4g–%.4g", part.share_low, part.share_high);
   return text + share;
-}
-
-template <class T>
-T value_or_throw(Result<T> result) {
-  if (!result) throw Failure(result.error().code, "validation: " + result.error().message);
-  return std::move(*result);
 }
 
 }  // namespace
@@ -61,12 +57,15 @@ ValidationResult Validator::run(const model::Weights& weights, std::size_t step)
   for (std::size_t i = 0; i < pairs.size(); i += batch_)
     capacity.points = std::max(
         capacity.points, shape_of(std::span(pairs).subspan(i, std::min(batch_, pairs.size() - i))).points);
-  Plan plan =
-      value_or_throw(make_plan(device_, Model(std::make_shared<const model::Weights>(weights)), capacity));
+  constexpr std::string_view context = "validation: ";
+  Plan plan = value_or_throw(
+      make_plan(device_, Model(std::make_shared<const model::Weights>(weights)), capacity), context);
   std::vector<Assembly> assemblies;
   for (std::size_t i = 0; i < pairs.size(); i += batch_)
-    for (Assembly& assembly : value_or_throw(assemble(
-             plan, std::span(pairs).subspan(i, std::min(batch_, pairs.size() - i)), {.diagnostics = false})))
+    for (Assembly& assembly :
+         value_or_throw(assemble(plan, std::span(pairs).subspan(i, std::min(batch_, pairs.size() - i)),
+                                 {.diagnostics = false}),
+                        context))
       assemblies.push_back(std::move(assembly));
 
   ValidationResult result;

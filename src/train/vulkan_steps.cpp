@@ -19,13 +19,8 @@ void VulkanSteps::run(graph::Graph graph, const PackedBatch& batch, std::span<co
     executor_.emplace(context_, std::move(graph), vk::Capacity{pairs_, points_, batch.layout.key_points});
   }
   executor_->prepare(batch.layout);
-  constexpr std::size_t stride = vk::padded(3);
-  for_each_input(batch, executor_->graph(),
-                 [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift, std::size_t row) {
-                   float* to = executor_->input(id) + stride * row;
-                   std::fill_n(to, stride * rows.count, 0.0F);
-                   copy_rows(rows, shift, stride, to);
-                 });
+  fill_inputs(batch, executor_->graph(), vk::padded(3),
+              [&](graph::TensorId id) { return executor_->input(id); });
   static_assert(vk::padded(ops::truth_width) == ops::truth_width);
   float* to = executor_->input(executor_->graph().truth);
   for (const Truth& truth : truths)

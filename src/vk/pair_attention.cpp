@@ -15,6 +15,8 @@ constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, atten
 constexpr std::uint32_t work_group = 32;
 // Messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
+// Of messages for the gradient, which makes them again where there are more.
+constexpr std::size_t most_kept = std::size_t{64} << 20;
 
 std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 
@@ -24,7 +26,8 @@ class PairAttentionKernel : public Kernel {
       : op_(without_tables(op)),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
-        messages_(site, op) {
+        messages_(site, op),
+        keeps_(site.kept && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_kept) {
     require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
                         number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
     for (const std::uint32_t x : messages_.take_constants(0)) add_constant(x);
@@ -35,6 +38,9 @@ class PairAttentionKernel : public Kernel {
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
     const std::size_t nodes = std::min<std::size_t>(layout.rows(graph::Rows::pair_key), run_nodes());
     return rare_offset(nodes) + sizeof(std::uint32_t) * nodes * k_;
+  }
+  std::size_t kept_bytes(const graph::BatchLayout& layout) const override {
+    return keeps_ ? messages_.bytes(layout.rows(graph::Rows::pair_key)) : 0;
   }
 
   void record(const Arguments& args) const override {
@@ -66,7 +72,8 @@ class PairAttentionKernel : public Kernel {
     const Slot &features = args.in[0], &index = args.in[1], &positions = args.in[2];
     const std::uint32_t edges = run.nodes * k_;
     const Range run_index = index.range.sub(4ull * k_ * run.first_node, 4ull * edges);
-    const Range messages = args.scratch.sub(0, 4ull * messages_.stride() * edges);
+    const Range messages = keeps_ ? args.kept.sub(messages_.bytes(run.first_node), messages_.bytes(run.nodes))
+                                  : args.scratch.sub(0, messages_.bytes(run.nodes));
     const Range rare = args.scratch.sub(rare_offset(run.nodes), 4ull * edges);
     messages_.record(args, run, features.range, run_index, positions.range, messages, rare);
     args.schedule.dispatch(*attention_pipeline_,
@@ -81,13 +88,14 @@ class PairAttentionKernel : public Kernel {
     return static_cast<std::uint32_t>(std::max<std::size_t>(64, fit / 64 * 64));
   }
   std::size_t rare_offset(std::size_t nodes) const {
-    return (sizeof(float) * messages_.stride() * nodes * k_ + 255) / 256 * 256;
+    return keeps_ ? 0 : (messages_.bytes(nodes) + 255) / 256 * 256;
   }
 
   const ops::PairAttention op_;
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   PairMessages messages_;
+  const bool keeps_;  // messages, for the gradient
   ConstantPart weights_;
   const Pipeline* attention_pipeline_ = nullptr;
 };

@@ -78,6 +78,7 @@ class PairGradientKernel : public Kernel {
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
+        kept_(site.kept),
         messages_(site, op_) {
     for (const ops::SectorTable& table : op_.tables)
       if (table.scale_degree == 0 && table.network->eps > 0)
@@ -103,6 +104,14 @@ class PairGradientKernel : public Kernel {
     return memory({}, nodes, layout).bytes;
   }
 
+  int listed_input() const override {
+    return gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0 ? 1 : -1;
+  }
+  std::size_t list_bytes(const graph::BatchLayout& layout) const override {
+    const std::size_t rows = layout.rows(graph::Rows::pair_key);
+    return lists_->bytes(rows, rows);
+  }
+
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs(), keys = args.layout.key_points,
                         most = run_pairs(args.layout);
@@ -112,10 +121,9 @@ class PairGradientKernel : public Kernel {
                                                 std::to_string(k_) +
                                                 " neighbours have too many edges to train on this device");
     const Memory memory = this->memory(args.scratch, std::size_t{std::min(most, pairs)} * keys, args.layout);
-    const bool points = gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0;
     EdgeLists lists{};
-    if (points)
-      lists = lists_->record(args, memory.lists, args.in[1], graph::Rows::pair_key, graph::Rows::pair_key);
+    if (listed_input() >= 0)
+      lists = lists_->record(args, args.in[1], graph::Rows::pair_key, graph::Rows::pair_key);
     for (std::uint32_t first = 0; first < pairs; first += most)
       record_run(args, memory, lists, first, std::min(pairs - first, most));
     const OuterSums::Memory sums{jobs_.of(args), places_.of(args), memory.partials};
@@ -126,7 +134,7 @@ class PairGradientKernel : public Kernel {
  private:
   struct Memory {
     Range messages, rare, d_messages, record, turned, d_turned, factors, ids, d_coefficients, d_features,
-        d_radial, begins, sector_lists, edges, partials, lists;
+        d_radial, begins, sector_lists, edges, partials;
     std::size_t bytes = 0;
   };
 
@@ -309,7 +317,7 @@ class PairGradientKernel : public Kernel {
   }
 
   Memory memory(const Range& scratch, std::size_t nodes, const graph::BatchLayout& layout) const {
-    const std::size_t edges = nodes * k_, rows = layout.rows(graph::Rows::pair_key);
+    const std::size_t edges = nodes * k_;
     Memory memory;
     const auto take = [&](std::size_t numbers) {
       const std::size_t bytes = sizeof(float) * std::max<std::size_t>(numbers, 4);
@@ -318,8 +326,8 @@ class PairGradientKernel : public Kernel {
       return range;
     };
     const std::size_t tables = messages_.tables();
-    memory.messages = take(edges * messages_.stride());
-    memory.rare = take(edges);
+    memory.messages = take(kept_ ? 0 : edges * messages_.stride());
+    memory.rare = take(kept_ ? 0 : edges);
     memory.d_messages = take(edges * messages_.stride());
     memory.record = take(nodes * record_size_ * 4);
     memory.turned = take(edges * 64 * messages_.in_vectors());
@@ -333,11 +341,10 @@ class PairGradientKernel : public Kernel {
     memory.sector_lists = take(edges * tables);
     memory.edges = take(edges * edge_numbers());
     memory.partials = take(products_.partial_bytes(layout, graph::Rows::pair_key) / sizeof(float));
-    memory.lists = take(lists_->bytes(rows, rows) / sizeof(float));
     return memory;
   }
 
-  void record_run(const Arguments& args, const Memory& m, const EdgeLists& lists, std::uint32_t first_pair,
+  void record_run(const Arguments& args, Memory m, const EdgeLists& lists, std::uint32_t first_pair,
                   std::uint32_t pairs) const {
     const std::uint32_t keys = args.layout.key_points, first_node = first_pair * keys, nodes = pairs * keys,
                         edges = nodes * k_, tables = messages_.tables();
@@ -346,6 +353,7 @@ class PairGradientKernel : public Kernel {
                 given = args.in[gradient_.given_at(0)].range,
                 result = args.out[gradient_.constants_at()].range;
     const PairParameters run{first_node, nodes};
+    if (kept_) m.messages = args.kept.sub(messages_.bytes(first_node), messages_.bytes(nodes));
     const auto dispatch = [&](const Pipeline& pipeline, const std::vector<Range>& ranges,
                               std::array<std::uint32_t, 3> groups, double cost, std::uint32_t block = 0) {
       args.schedule.dispatch(pipeline, ranges,
@@ -355,7 +363,7 @@ class PairGradientKernel : public Kernel {
     const std::uint32_t groups = rounds(edges, work_group);
     const double cost = 10.0 * op_.coefficient_count * edges;
 
-    messages_.record(args, run, features, index, positions, m.messages, m.rare);
+    if (!kept_) messages_.record(args, run, features, index, positions, m.messages, m.rare);
     args.schedule.dispatch(*node_pipeline_,
                            {features, m.messages, weights_.of(args), given, m.record, m.d_messages}, run,
                            {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
@@ -413,6 +421,7 @@ class PairGradientKernel : public Kernel {
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   const irreps::Fiber fiber_;  // messages: [values ; keys]
+  const bool kept_;            // the messages, by the operation itself
   PairMessages messages_;
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                 // vec4s

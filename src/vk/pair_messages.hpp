@@ -30,7 +30,8 @@ class PairMessages {
   std::uint32_t tables() const { return tables_.tables; }
   bool linear() const { return tables_.linear; }
   bool on_processor() const { return capabilities_.type == VK_PHYSICAL_DEVICE_TYPE_CPU; }
-  std::uint32_t neighbours() const { return k_; }
+  /// Of the messages of so many nodes.
+  std::size_t bytes(std::size_t nodes) const { return sizeof(float) * stride() * k_ * nodes; }
 
   /// Of the run's edges; `rare`: a u32 per edge, scratch memory.
   void record(const Arguments& args, const PairParameters& run, const Range& features, const Range& index,

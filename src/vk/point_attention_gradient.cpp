@@ -97,6 +97,10 @@ class PointGradientKernel : public Kernel {
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override { return memory(layout).bytes; }
+  int listed_input() const override { return lists_ ? slots_.index : -1; }
+  std::size_t list_bytes(const graph::BatchLayout& layout) const override {
+    return lists_->bytes(layout.rows(rows_), layout.rows(points_));
+  }
 
   void record(const Arguments& args) const override {
     const Memory memory = this->memory(args.layout);
@@ -106,9 +110,7 @@ class PointGradientKernel : public Kernel {
     const OuterSums::Memory sums{jobs_.of(args), places_.of(args),
                                  args.scratch.sub(memory.partials, memory.partial_bytes)};
     EdgeLists lists{records, records, records};
-    if (lists_)
-      lists = lists_->record(args, args.scratch.sub(memory.lists, memory.list_bytes), args.in[slots_.index],
-                             rows_, points_);
+    if (lists_) lists = lists_->record(args, args.in[slots_.index], rows_, points_);
     for (const Run& run : runs(args.layout, table)) {
       record_rows(args, table, run, records, edges);
       if (!products_.empty())
@@ -137,7 +139,7 @@ class PointGradientKernel : public Kernel {
     TileRun rows;
   };
   struct Memory {
-    std::size_t edges, edge_bytes, partials, partial_bytes, lists, list_bytes, bytes;  // records come first
+    std::size_t edges, edge_bytes, partials, partial_bytes, bytes;  // records come first
   };
 
   Part add(const std::vector<std::uint32_t>& numbers) {
@@ -238,9 +240,7 @@ class PointGradientKernel : public Kernel {
     memory.edge_bytes = std::max<std::size_t>(aligned(rows * edge_bytes()), 256);
     memory.partials = memory.edges + memory.edge_bytes;
     memory.partial_bytes = std::max<std::size_t>(aligned(products_.partial_bytes(layout, rows_)), 256);
-    memory.lists = memory.partials + memory.partial_bytes;
-    memory.list_bytes = lists_ ? lists_->bytes(layout.rows(rows_), layout.rows(points_)) : 0;
-    memory.bytes = memory.lists + memory.list_bytes;
+    memory.bytes = memory.partials + memory.partial_bytes;
     return memory;
   }
 

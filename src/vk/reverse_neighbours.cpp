@@ -54,18 +54,19 @@ std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbours) c
   return 2 * list_bytes(neighbours) + 2 * list_bytes(rows * k_);
 }
 
-EdgeLists ReverseNeighbours::record(const Arguments& args, const Range& scratch, const Slot& index,
-                                    graph::Rows rows, graph::Rows neighbours) const {
+EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, graph::Rows rows,
+                                    graph::Rows neighbours) const {
   const auto count = static_cast<std::uint32_t>(args.layout.rows(neighbours));
   const auto edges = static_cast<std::uint32_t>(args.layout.rows(rows) * k_);
   if (sizeof(std::uint32_t) * edges > capabilities_.storage_range)
     throw Failure(ErrorCode::unsupported, "a batch with " + std::to_string(edges) +
                                               " edges; the device binds the lists of " +
                                               std::to_string(capabilities_.storage_range / 4));
-  const Range counts = scratch.sub(0, sizeof(std::uint32_t) * count),
+  const Range &scratch = args.lists, counts = scratch.sub(0, sizeof(std::uint32_t) * count),
               begins = scratch.sub(list_bytes(count), counts.size),
               places = scratch.sub(2 * list_bytes(count), sizeof(std::uint32_t) * edges),
               unsorted = scratch.sub(2 * list_bytes(count) + list_bytes(edges), places.size);
+  if (!args.make_lists) return {begins, counts, places};
   const auto all = [&](const Pipeline& pipeline, std::uint32_t items, const std::vector<Range>& ranges) {
     const std::uint32_t most = capabilities_.groups * work_group;
     for (std::uint32_t first = 0; first < items; first += most) {

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "model/build.hpp"
+#include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
@@ -15,44 +16,22 @@
 namespace bitr {
 namespace {
 
+using test::Case;
 using test::OpTensor;
 
-struct Case {
-  const char* name;
-  ModelConfig config;
-  std::vector<std::array<std::size_t, 2>> pairs;
-  std::size_t duplicates;  ///< every so many points; 0: none
-  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
-};
-
 std::vector<Case> cases() {
-  ModelConfig normals, shallow, wide, trained;
-  normals.return_normals = normals.get_color = true;
-  normals.key_global_merge_coe = 8;
-  shallow.num_layers = shallow.feature_num_layers = 0;
-  shallow.k_neighbor = shallow.re_convert_k = shallow.key_mean_num = 1;
-  shallow.num_key_points = 4;
-  wide.num_channels = wide.feature_num_channels = 12;
-  wide.div = 3;
-  wide.num_key_points = 36;
-  wide.k_neighbor = 37;
-  wide.key_mean_num = 64;
-  wide.re_convert_k = 33;
-  wide.num_layers = wide.feature_num_layers = 1;
-  trained.k_neighbor = 24;
-  trained.neighbor_dilation = 4;
-  trained.relu_square = trained.centroid_offset = trained.return_normals = true;
-  return {{"least_points", {}, {{25, 25}}, 0},
-          {"one_more", {}, {{26, 25}}, 0},
-          {"ragged", {}, {{25, 333}, {1025, 31}, {64, 65}}, 0},
-          {"normals_ragged", normals, {{129, 25}, {26, 700}}, 0},
+  const ModelConfig normals = test::normals_and_colours(), trained = test::trained_model();
+  return {{"least_points", {}, {{25, 25}}},
+          {"one_more", {}, {{26, 25}}},
+          {"ragged", {}, {{25, 333}, {1025, 31}, {64, 65}}},
+          {"normals_ragged", normals, {{129, 25}, {26, 700}}},
           {"duplicates", {}, {{90, 130}}, 3},
           {"normals_duplicates", normals, {{70, 41}}, 2},
-          {"one_neighbour", shallow, {{2, 3}, {9, 2}}, 0},
-          {"wide", wide, {{65, 70}}, 5},
-          {"trained", trained, {{97, 333}, {1030, 98}}, 0},
+          {"one_neighbour", test::shallow_model(), {{2, 3}, {9, 2}}},
+          {"wide", test::wide_model(12), {{65, 70}}, 5},
+          {"trained", trained, {{97, 333}, {1030, 98}}},
           {"trained_duplicates", trained, {{150, 97}}, 3},
-          {"chunk_edges", {}, {{1024, 1023}, {64, 2049}}, 0}};
+          {"chunk_edges", {}, {{1024, 1023}, {64, 2049}}}};
 }
 
 // Largest error over the largest entry of the output. Where the operation's header states a bound, that one.

@@ -8,6 +8,7 @@
 
 #include "model/fold_layers.hpp"
 #include "ops/constants.hpp"
+#include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
@@ -18,6 +19,7 @@ namespace bitr {
 namespace {
 
 using graph::TensorId;
+using test::Case;
 using test::OpTensor;
 
 // What follows from the constants that training changes.
@@ -43,22 +45,9 @@ double root_mean_square(std::span<const double> values) {
   return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-struct Case {
-  const char* name;
-  ModelConfig config;
-  std::vector<std::array<std::size_t, 2>> pairs;
-  std::size_t duplicates;  ///< every so many points; 0: none
-  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
-};
-
 std::vector<Case> cases() {
-  ModelConfig normals, shallow, narrow;
-  normals.return_normals = normals.get_color = true;
-  normals.key_global_merge_coe = 8;
+  ModelConfig normals = test::normals_and_colours(), narrow;
   normals.relu_square = true;
-  shallow.num_layers = shallow.feature_num_layers = 0;
-  shallow.k_neighbor = shallow.re_convert_k = shallow.key_mean_num = 1;
-  shallow.num_key_points = 4;
   narrow.num_channels = narrow.feature_num_channels = 3;
   narrow.heads = 3;
   narrow.div = 1;
@@ -67,12 +56,12 @@ std::vector<Case> cases() {
   narrow.k_neighbor = 5;
   narrow.key_mean_num = 7;
   narrow.num_layers = narrow.feature_num_layers = 1;
-  std::vector<Case> all = {{"default_model", {}, {{30, 41}, {27, 26}}, 0},
+  std::vector<Case> all = {{"default_model", {}, {{30, 41}, {27, 26}}},
                            {"duplicates", {}, {{40, 33}}, 3},
-                           {"normals", normals, {{29, 31}}, 0},
+                           {"normals", normals, {{29, 31}}},
                            {"normals_duplicates", normals, {{31, 28}, {26, 27}}, 2},
-                           {"one_neighbour", shallow, {{15, 12}, {9, 20}}, 0},
-                           {"narrow", narrow, {{12, 70}}, 0}};
+                           {"one_neighbour", test::shallow_model(), {{15, 12}, {9, 20}}},
+                           {"narrow", narrow, {{12, 70}}}};
   static const char* const names[] = {"random_0", "random_1", "random_2"};
   const auto random = test::random_configurations(5, std::size(names), 16);
   for (std::size_t i = 0; i < random.size(); ++i)

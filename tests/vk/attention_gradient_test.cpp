@@ -6,6 +6,7 @@
 
 #include "model/build.hpp"
 #include "ops/constants.hpp"
+#include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
@@ -14,40 +15,20 @@
 namespace bitr {
 namespace {
 
+using test::Case;
 using test::OpTensor;
 
-struct Case {
-  const char* name;
-  ModelConfig config;
-  std::vector<std::array<std::size_t, 2>> pairs;
-  std::size_t duplicates;  ///< every so many points; 0: none
-  friend std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
-};
-
 std::vector<Case> cases() {
-  ModelConfig normals, shallow, wide, square;
-  normals.return_normals = normals.get_color = true;
-  normals.key_global_merge_coe = 8;
-  square.relu_square = true;
-  square.return_normals = true;
-  shallow.num_layers = shallow.feature_num_layers = 0;
-  shallow.k_neighbor = shallow.re_convert_k = shallow.key_mean_num = 1;
-  shallow.num_key_points = 4;
-  wide.num_channels = wide.feature_num_channels = 6;
-  wide.div = 3;
-  wide.num_key_points = 36;
-  wide.k_neighbor = 37;
-  wide.key_mean_num = 64;
-  wide.re_convert_k = 33;
-  wide.num_layers = wide.feature_num_layers = 1;
-  return {{"one_more", {}, {{26, 25}}, 0},
-          {"ragged", {}, {{25, 333}, {129, 31}, {64, 65}}, 0},
-          {"normals_duplicates", normals, {{70, 41}, {26, 100}}, 2},
+  ModelConfig square;
+  square.relu_square = square.return_normals = true;
+  return {{"one_more", {}, {{26, 25}}},
+          {"ragged", {}, {{25, 333}, {129, 31}, {64, 65}}},
+          {"normals_duplicates", test::normals_and_colours(), {{70, 41}, {26, 100}}, 2},
           {"square", square, {{90, 130}}, 20},
-          {"one_neighbour", shallow, {{2, 3}, {9, 2}}, 0},
+          {"one_neighbour", test::shallow_model(), {{2, 3}, {9, 2}}},
           // Two runs of two-sided layers.
-          {"many_pairs", {}, std::vector<std::array<std::size_t, 2>>(33, {25, 27}), 0},
-          {"wide", wide, {{65, 70}}, 5}};
+          {"many_pairs", {}, std::vector<std::array<std::size_t, 2>>(33, {25, 27})},
+          {"wide", test::wide_model(6), {{65, 70}}, 5}};
 }
 
 // Of the largest entry: of all entries, and of 19 in 20. Gradients jump where a kernel has a kink, as

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <set>
 
+#include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
 #include "support/op_run.hpp"
@@ -29,22 +30,17 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  ModelConfig trained, wide, few;
-  trained.neighbor_dilation = 4;
-  trained.relu_square = trained.centroid_offset = trained.return_normals = true;
+  ModelConfig wide;
   wide.num_channels = wide.feature_num_channels = 6;
   wide.div = 3;
   wide.num_key_points = 36;
   wide.re_convert_k = 33;
-  few.num_layers = few.feature_num_layers = 0;
-  few.k_neighbor = few.re_convert_k = few.key_mean_num = 1;
-  few.num_key_points = 4;
   using enum ops::LossKind;
   return {{"direct", {}, {{25, 333}, {300, 31}, {64, 65}}, direct},
           {"official", {}, {{25, 333}, {300, 31}, {64, 65}}, official},
-          {"trained", trained, {{140, 97}, {97, 1100}}, direct},
+          {"trained", test::trained_model(), {{140, 97}, {97, 1100}}, direct},
           {"wide", wide, {{65, 70}}, direct},
-          {"few", few, {{9, 2}, {4, 5}, {3, 8}, {6, 6}}, direct}};
+          {"few", test::shallow_model(), {{9, 2}, {4, 5}, {3, 8}, {6, 6}}, direct}};
 }
 
 // Of the largest entry. The projection's gradient is as well determined as its rotation.
