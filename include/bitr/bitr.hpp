@@ -8,4 +8,5 @@
 #include <bitr/io.hpp>
 #include <bitr/model.hpp>
 #include <bitr/pose.hpp>
+#include <bitr/refine.hpp>
 #include <bitr/result.hpp>

@@ -5,36 +5,18 @@
 
 #include "api/plan.hpp"
 #include "core/point_tree.hpp"
+#include "refine/spacing.hpp"
 
 namespace bitr {
 namespace {
 
 // Inliers are closer than this many median neighbour distances.
 constexpr double spacing_factor = 2;
-constexpr std::size_t spacing_samples = 2000;
 
 std::vector<Vec3d> copy(const Vec3View& view) {
   std::vector<Vec3d> points(view.count);
   for (std::size_t i = 0; i < view.count; ++i) points[i] = view[i];
   return points;
-}
-
-// Median distance from a point to its nearest other place, over an even sample. Duplicates of a point are at
-// its own place; 0 when every sampled point has nothing but duplicates near.
-double median_spacing(const PointTree& tree, const std::vector<Vec3d>& points) {
-  constexpr std::size_t looked_at = 8;
-  const std::size_t step = std::max<std::size_t>(1, points.size() / spacing_samples);
-  std::vector<double> nearest;
-  for (std::size_t i = 0; i < points.size(); i += step) {
-    std::uint32_t index[looked_at];
-    double squared[looked_at];
-    const std::size_t found = tree.knnSearch(points[i].data(), looked_at, index, squared);
-    const double* other = std::find_if(squared, squared + found, [](double s) { return s > 0; });
-    if (other != squared + found) nearest.push_back(std::sqrt(*other));
-  }
-  if (nearest.empty()) return 0;
-  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
-  return nearest[nearest.size() / 2];
 }
 
 }  // namespace
@@ -56,8 +38,8 @@ void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu:
   const std::vector<Vec3d> source = copy(pair.source.positions), reference = copy(pair.reference.positions);
   const PointRows source_rows{source}, reference_rows{reference};
   const PointTree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
-  const double threshold = spacing_factor * std::max(median_spacing(source_tree, source),
-                                                     median_spacing(reference_tree, reference));
+  const double threshold = spacing_factor * std::max(refine::median_spacing(source_tree, source),
+                                                     refine::median_spacing(reference_tree, reference));
 
   // Per point, then summed in order: the same for any number of threads.
   std::vector<double> squared(source.size());

@@ -1,12 +1,11 @@
 #include "refine/icp.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "core/point_tree.hpp"
+#include "refine/rigid_fit.hpp"
 
 namespace bitr::refine {
 namespace {
@@ -18,8 +17,6 @@ struct Match {
     return squared < other.squared || (squared == other.squared && source < other.source);
   }
 };
-
-Eigen::Vector3d vector(const Vec3d& point) { return Eigen::Vector3d(point.data()); }
 
 /// The rigid motion with the least squares (Kabsch).
 Pose fit(const std::vector<Vec3d>& source, const std::vector<Vec3d>& reference,
@@ -35,21 +32,8 @@ Pose fit(const std::vector<Vec3d>& source, const std::vector<Vec3d>& reference,
   for (std::size_t i = 0; i < count; ++i)
     covariance += (vector(reference[matches[i].reference]) - to) *
                   (vector(source[matches[i].source]) - from).transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d u = svd.matrixU();
-  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
-  const Eigen::Matrix3d R = u * svd.matrixV().transpose();
-  Pose pose;
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose.rotation.data()) = R;
-  Eigen::Map<Eigen::Vector3d>(pose.translation.data()) = to - R * from;
-  return pose;
-}
-
-double change(const Pose& a, const Pose& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < 9; ++i) sum += std::abs(a.rotation[i] - b.rotation[i]);
-  for (std::size_t i = 0; i < 3; ++i) sum += std::abs(a.translation[i] - b.translation[i]);
-  return sum;
+  const Eigen::Matrix3d R = nearest_rotation(covariance);
+  return pose_of(R, to - R * from);
 }
 
 }  // namespace
@@ -58,7 +42,9 @@ struct Icp::Index {
   std::vector<Vec3d> points;
   PointRows rows{points};
   PointTree tree{3, rows, {10}};
-  explicit Index(const std::vector<Vec3d>& reference) : points(reference) {}
+  std::size_t bytes;
+  explicit Index(const std::vector<Vec3d>& reference)
+      : points(reference), bytes(points.size() * sizeof(Vec3d) + tree.usedMemory(tree)) {}
 };
 
 Icp::Icp(const std::vector<Vec3d>& reference, const IcpOptions& options)
@@ -73,7 +59,8 @@ IcpResult Icp::align(const std::vector<Vec3d>& source, const Pose& start) const 
   std::vector<Match> matches(source.size());
   IcpResult result;
   result.T_reference_source = start;
-  while (result.iterations < options_.most_iterations) {
+  result.workspace_bytes = index_->bytes + matches.size() * sizeof(Match);
+  while (result.iterations < options_.most_iterations && !result.converged) {
     ++result.iterations;
     for (std::uint32_t i = 0; i < source.size(); ++i) {
       const Vec3d moved = result.T_reference_source.apply(source[i]);
@@ -85,9 +72,9 @@ IcpResult Icp::align(const std::vector<Vec3d>& source, const Pose& start) const 
     for (std::size_t i = 0; i < kept; ++i) squares += matches[i].squared;
     result.rmse = std::sqrt(squares / static_cast<double>(kept));
     const Pose next = fit(source, index_->points, matches, kept);
-    const double moved = change(next, result.T_reference_source);
+    const double moved = absolute_change(next, result.T_reference_source);
     result.T_reference_source = next;
-    if (moved < options_.tolerance) break;
+    result.converged = moved < options_.tolerance;
   }
   return result;
 }

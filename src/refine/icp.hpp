@@ -19,7 +19,9 @@ struct IcpOptions {
 struct IcpResult {
   Pose T_reference_source;
   int iterations = 0;
+  bool converged = false;
   double rmse = 0;  ///< of the kept points at the last matching, in the clouds' units
+  std::size_t workspace_bytes = 0;
 };
 
 /// A reference cloud, ready to be searched from any number of starts. Both clouds need at least three points

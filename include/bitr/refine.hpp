@@ -1,0 +1,83 @@
+// Refinement: from a pose that is about right to one that fits the clouds, and never to a worse one.
+#pragma once
+
+#include <bitr/assemble.hpp>
+#include <bitr/device.hpp>
+#include <bitr/pose.hpp>
+#include <bitr/result.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bitr {
+
+enum class RefineMethod : std::uint8_t {
+  icp,        ///< nearest neighbours are corresponding points, the worst of them left out
+  transport,  ///< optimal transport: every point is shared out among several, with a slack for the rest
+};
+
+enum class RefineProtocol : std::uint8_t {
+  /// This library's own: thresholds are multiples of the clouds' spacing, what has a counterpart is
+  /// estimated,
+  /// normals are used when both clouds have them. Nothing depends on units or frames.
+  adaptive,
+  /// The official code's constants and stopping rules, which suit clouds of about unit size near the origin;
+  /// positions only.
+  official,
+};
+
+struct RefineOptions {
+  RefineMethod method = RefineMethod::icp;
+  RefineProtocol protocol = RefineProtocol::adaptive;
+  /// Of ICP: the share of the smaller cloud's points that has a counterpart, above 0 and up to 1. Empty:
+  /// estimated (adaptive), 0.8 (official).
+  std::optional<double> keep = {};
+  /// Of the adaptive protocol: where fewer points of either cloud have a counterpart at the start (as in
+  /// Refinement::overlap), there is nothing to refine on and the start is returned: clouds that only meet
+  /// would be pulled over one another. The same when the overlap is won on the way. 0 … 1; 0: never.
+  double least_overlap = 0.2;
+  std::optional<int> most_iterations =
+      {};  ///< 1 … 100,000; of transport, of each stage; empty: the protocol's
+};
+
+/// "icp", "ot".
+std::string_view name(RefineMethod method);
+/// "default", "official".
+std::string_view name(RefineProtocol protocol);
+
+struct Refinement {
+  Pose T_reference_source;  ///< the better of start and proposal by their scores; the start when they are
+                            ///< equal
+  bool improved = false;    ///< it is the proposal
+  std::string reason;       ///< why it is not; empty when it is
+  Pose proposal;            ///< what the method ended with; the start when it was not run
+
+  /// Truncated residuals both ways, in [0, 1], 1 the best: the mean over all points of both clouds of
+  /// 1 − min(1, (d/τ)² + |n − n'|²), where d is the distance to the other cloud's nearest point, τ = 3
+  /// spacings, and n, n' are the two points' unit normals, where both clouds have them: 60° between them
+  /// count like τ.
+  double score_before = 0, score_after = 0;  ///< of the start, of the proposal
+
+  int iterations = 0;
+  bool converged = false;     ///< stopped before the most iterations
+  double overlap_before = 0;  ///< what least_overlap is compared with
+  double overlap = 0;  ///< share of source points nearer than τ to the reference, at the pose returned
+  std::optional<double> rmse;       ///< of their distances, in the clouds' units; empty when there is none
+  double spacing = 0;               ///< the larger of the clouds' median distances between neighbours
+  std::size_t workspace_bytes = 0;  ///< memory taken beside the clouds: linear in their points
+};
+
+/// Refines starts[i] on pairs[i]. Runs on the device's CPU threads; results do not depend on their number.
+/// `invalid_argument` when the counts differ, a cloud has fewer than 3 points, a coordinate or a start is not
+/// finite, normals are not one per point, or an option is out of its range; the message names the pair.
+Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<const CloudPair> pairs,
+                                             std::span<const Pose> starts, const RefineOptions& options = {});
+
+/// The score alone.
+Result<double> refinement_score(const Device& device, const CloudPair& pair, const Pose& T_reference_source);
+
+}  // namespace bitr

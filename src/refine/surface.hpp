@@ -1,0 +1,33 @@
+// A cloud made ready to be searched: centred, with its spacing and, where it has them, its normals.
+#pragma once
+
+#include <Eigen/Core>
+#include <bitr/cloud.hpp>
+#include <vector>
+
+#include "core/point_tree.hpp"
+
+namespace bitr::refine {
+
+struct Surface {
+  Vec3d centroid{};            ///< of the points as given
+  std::vector<Vec3d> points;   ///< less the centroid
+  std::vector<Vec3d> normals;  ///< empty, or one unit vector per point
+  std::vector<std::uint32_t>
+      some;  ///< an even sample of at most `most_asked` points: those that look for others
+  PointRows rows{points};
+  PointTree tree;
+  double spacing = 0;  ///< see median_spacing()
+  std::size_t tree_bytes = 0;
+
+  /// More points than this do not make a pose better, only later.
+  static constexpr std::size_t most_asked = 10'000;
+
+  explicit Surface(const CloudView& cloud);
+  Surface(const Surface&) = delete;
+  Surface& operator=(const Surface&) = delete;
+  bool has_normals() const { return !normals.empty(); }
+  std::size_t bytes() const;
+};
+
+}  // namespace bitr::refine
