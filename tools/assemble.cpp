@@ -6,13 +6,16 @@
 #include <filesystem>
 #include <memory>
 
+#include "api/plan.hpp"
 #include "assembly_report.hpp"
+#include "cloud_input.hpp"
 #include "command.hpp"
 #include "device_choice.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
+#include "refinement.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -20,8 +23,9 @@ namespace {
 struct Options {
   std::string source, reference, output, image, json, model, truth;
   bool complete_match = false, strict = false, verify = false;
-  std::optional<std::uint64_t> points;
-  std::uint64_t seed = 0, model_seed = 0;
+  CloudOptions clouds;
+  std::uint64_t model_seed = 0;
+  RefineChoice refine;
   RunOptions run;
 };
 
@@ -35,28 +39,13 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-struct Input {
-  PointCloud cloud;  ///< as read; a mesh is sampled
-  PointCloud used;   ///< what the network sees
-};
-
-Result<Input> read_input(const std::string& path, const Options& options) {
-  io::ReadOptions read;
-  read.seed = options.seed;
-  if (options.points) read.mesh_points = *options.points;
-  auto cloud = io::read_cloud(path, read);
-  if (!cloud) return tl::unexpected(cloud.error());
-  return Input{std::move(*cloud), {}};
-}
-
-Result<Model> choose_model(Options& options, const Input& source, const Input& reference) {
+Result<Model> choose_model(Options& options, const CloudInput& source, const CloudInput& reference) {
   if (!options.model.empty()) return find_model(options.model);
   if (!options.complete_match) {
-    auto model = shipped_model(shipped_models().front().name);
+    auto model = default_model();
     const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();
     if (!model || normals || !model->config().return_normals) return model;
-    warn("the default model reads normals, and " +
-         (source.cloud.normals.empty() ? options.source : options.reference) +
+    warn("the default model reads normals, and " + (source.cloud.normals.empty() ? source : reference).path +
          " has none: falling back to complete matching with untrained weights, which is exact when the "
          "reference is a moved copy of the source and has no answer otherwise");
   }
@@ -64,15 +53,11 @@ Result<Model> choose_model(Options& options, const Input& source, const Input& r
   return untrained_model({}, options.model_seed);
 }
 
-// As many points as asked for, or as the model knows.
-void choose_points(Input& input, const Options& options, const Model& model, const std::string& path) {
-  const std::optional<PointRange> known = model.trained_points();
-  std::size_t most = options.points.value_or(known ? (known->low + known->high) / 2 : input.cloud.size());
-  if (known && !options.points && input.cloud.size() <= known->high) most = input.cloud.size();
-  input.used = io::subsample(input.cloud, most, options.seed);
-  if (known && input.used.size() < known->low)
-    warn(path + " has " + std::to_string(input.used.size()) + " points; model " + model.name() +
-         " was trained on clouds of " + std::to_string(known->low) + " to " + std::to_string(known->high));
+void warn_of_few_points(const CloudInput& input, const Model& model) {
+  if (!too_few_points(input, model)) return;
+  const PointRange known = *model.trained_points();
+  warn(input.path + " has " + std::to_string(input.used.size()) + " points; model " + model.name() +
+       " was trained on clouds of " + std::to_string(known.low) + " to " + std::to_string(known.high));
 }
 
 Result<void> check_outputs(const Options& options) {
@@ -93,7 +78,7 @@ Result<void> check_outputs(const Options& options) {
   return {};
 }
 
-Result<void> write_outputs(const Options& options, const Input& source, const Input& reference,
+Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
   Result<void> written;
   std::vector<std::string> made;  // taken back when a later one fails
@@ -118,6 +103,8 @@ Result<void> write_outputs(const Options& options, const Input& source, const In
 
 int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+  const auto refinement = refine_options(options.refine, RefineProtocol::adaptive);
+  if (!refinement) return complain(refinement.error());
   std::optional<Pose> truth;
   if (!options.truth.empty()) {
     const auto read = read_pose(options.truth);
@@ -127,14 +114,16 @@ int run(Options& options) {
 
   show_progress("reading");
   const Stopwatch total;
-  auto source = read_input(options.source, options);
+  auto source = read_input(options.source, options.clouds);
   if (!source) return complain(source.error());
-  auto reference = read_input(options.reference, options);
+  auto reference = read_input(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
   const auto model = choose_model(options, *source, *reference);
   if (!model) return complain(model.error());
-  choose_points(*source, options, *model, options.source);
-  choose_points(*reference, options, *model, options.reference);
+  for (CloudInput* input : {&*source, &*reference}) {
+    choose_points(*input, options.clouds, *model);
+    warn_of_few_points(*input, *model);
+  }
 
   show_progress("assembling");
   const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
@@ -155,8 +144,22 @@ int run(Options& options) {
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
-                        .total_milliseconds = total.milliseconds(),
                         .truth = truth};
+  if (options.refine.method && report.assembly.status != Status::failed) {
+    show_progress("refining");
+    // On all of the points, of which the network may have seen some.
+    const CloudPair whole = {source->cloud, reference->cloud};
+    const auto refined =
+        refine_poses(**device, {&whole, 1}, {&report.assembly.T_reference_source, 1}, *refinement);
+    if (!refined) return complain(refined.error(), which);
+    report.refinement = refined->front();
+    report.refine_options = *refinement;
+    report.assembly.T_reference_source = report.refinement->T_reference_source;
+    if (report.refinement->improved)
+      measure_overlap(pair, report.assembly.T_reference_source, (*device)->pool(),
+                      report.assembly.diagnostics);
+  }
+  report.total_milliseconds = total.milliseconds();
   if (options.verify) {
     show_progress("verifying");
     auto differences = verify(*plan, pair);
@@ -204,13 +207,19 @@ Command add_assemble(CLI::App& root) {
                 "For a reference that is a moved copy of the source; needs no trained model");
   add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
       ->excludes(model);
-  add_count(*app, "--points", options->points, 1, most_points,
-            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud; unless given, "
-            "as many as the model was trained on");
-  add_seed(*app, "--seed", options->seed, "Seed of that sampling");
+  add_cloud_options(*app, options->clouds);
   add_mode(*app, options->run.plan.mode,
            "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
   add_run_options(*app, options->run);
+  add_choice<std::optional<RefineMethod>>(
+      *app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
+      options->refine.method,
+      "Refine the network's pose on all points, by iterated closest points or optimal transport, and keep "
+      "the "
+      "better of the two; see bitr refine")
+      ->expected(0, 1)
+      ->default_str("icp");
+  add_refine_options(*app, options->refine, "default");
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
@@ -222,7 +231,7 @@ Command add_assemble(CLI::App& root) {
       "Exit status: 0 done; 1 ran, but the result is not to be used; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr assemble piece.ply other_piece.ply -o assembled.ply --json result.json\n"
-      "  bitr assemble nose.ply tail.ply --model aircraft -o assembled.ply\n"
+      "  bitr assemble nose.ply tail.ply --model aircraft --refine=icp -o assembled.ply\n"
       "  bitr assemble scan.ply moved.ply --complete-match --json -");
   return {app, [options] { return run(*options); }};
 }

@@ -3,11 +3,36 @@
 #include <algorithm>
 
 #include "options.hpp"
+#include "refinement.hpp"
 
 namespace bitr::tool {
 namespace {
 
 Json optional_json(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+void print_diagnostics(const AssemblyReport& report, std::FILE* out) {
+  const Diagnostics& d = report.assembly.diagnostics;
+  std::fprintf(out, "status      %s%s%s\n", status_name(report.assembly.status).data(),
+               d.reason.empty() ? "" : ": ", d.reason.c_str());
+  if (d.overlap && d.inlier_threshold)
+    std::fprintf(out, "overlap     %.1f %% of the source within %.4g of the reference\n", 100 * *d.overlap,
+                 *d.inlier_threshold);
+  if (d.inlier_rmse) std::fprintf(out, "inlier RMSE %.4g\n", *d.inlier_rmse);
+  std::fprintf(out, "rotation    gap %.4g in 0 … 2, singular values %.4g %.4g %.4g\n", d.rotation_gap,
+               d.singular_values[0], d.singular_values[1], d.singular_values[2]);
+  if (d.swap_residual) std::fprintf(out, "swap        residual %.3g\n", *d.swap_residual);
+}
+
+void print_verification(const std::vector<StageDifference>& stages, std::FILE* out) {
+  std::size_t width = 5;
+  for (const StageDifference& stage : stages) width = std::max(width, stage.stage.size());
+  std::fprintf(out, "\n%-*s  difference  bound\n", static_cast<int>(width), "stage");
+  for (const StageDifference& stage : stages)
+    std::fprintf(out, "%-*s  %.2e    %.2e%s\n", static_cast<int>(width), stage.stage.c_str(),
+                 stage.difference, stage.bound, stage.within() ? "" : "  BEYOND");
+}
+
+}  // namespace
 
 std::string_view status_name(Status status) {
   switch (status) {
@@ -34,30 +59,6 @@ Json diagnostics_json(const Assembly& assembly) {
           {"swap_residual", optional_json(d.swap_residual)}};
 }
 
-void print_diagnostics(const AssemblyReport& report, std::FILE* out) {
-  const Diagnostics& d = report.assembly.diagnostics;
-  std::fprintf(out, "status      %s%s%s\n", status_name(report.assembly.status).data(),
-               d.reason.empty() ? "" : ": ", d.reason.c_str());
-  if (d.overlap && d.inlier_threshold)
-    std::fprintf(out, "overlap     %.1f %% of the source within %.4g of the reference\n", 100 * *d.overlap,
-                 *d.inlier_threshold);
-  if (d.inlier_rmse) std::fprintf(out, "inlier RMSE %.4g\n", *d.inlier_rmse);
-  std::fprintf(out, "rotation    gap %.4g in 0 … 2, singular values %.4g %.4g %.4g\n", d.rotation_gap,
-               d.singular_values[0], d.singular_values[1], d.singular_values[2]);
-  if (d.swap_residual) std::fprintf(out, "swap        residual %.3g\n", *d.swap_residual);
-}
-
-void print_verification(const std::vector<StageDifference>& stages, std::FILE* out) {
-  std::size_t width = 5;
-  for (const StageDifference& stage : stages) width = std::max(width, stage.stage.size());
-  std::fprintf(out, "\n%-*s  difference  bound\n", static_cast<int>(width), "stage");
-  for (const StageDifference& stage : stages)
-    std::fprintf(out, "%-*s  %.2e    %.2e%s\n", static_cast<int>(width), stage.stage.c_str(),
-                 stage.difference, stage.bound, stage.within() ? "" : "  BEYOND");
-}
-
-}  // namespace
-
 bool within_bounds(const AssemblyReport& report) {
   return std::all_of(report.verification.begin(), report.verification.end(),
                      [](const StageDifference& stage) { return stage.within(); });
@@ -76,6 +77,7 @@ void print(const AssemblyReport& report, std::FILE* out) {
                plan.options().as_defined ? ", as defined" : "",
                report.complete_match ? ", complete match" : "");
   print_diagnostics(report, out);
+  if (report.refinement) print(*report.refinement, report.refine_options, out);
   std::fprintf(out, "time        %.1f ms on %s (%s), %u threads\n", report.total_milliseconds,
                plan.device().name().c_str(), name(plan.device().backend()).data(), plan.device().threads());
   if (report.truth)
@@ -111,7 +113,7 @@ Json to_json(const AssemblyReport& report) {
       {"key_points",
        {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
       {"diagnostics", diagnostics_json(report.assembly)},
-      {"refinement", nullptr}};
+      {"refinement", report.refinement ? to_json(*report.refinement, report.refine_options) : Json(nullptr)}};
   if (report.truth)
     json["errors"] = {{"rotation_degrees", rotation_error_degrees(pose, *report.truth)},
                       {"translation", translation_error(pose, *report.truth)}};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
+#include <bitr/refine.hpp>
 #include <cstdio>
 #include <optional>
 #include <vector>
@@ -18,6 +19,8 @@ struct AssemblyReport {
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
   std::optional<Pose> truth = {};
+  std::optional<Refinement> refinement = {};
+  RefineOptions refine_options = {};  ///< of it
   std::vector<StageDifference> verification = {};
 };
 
@@ -25,6 +28,10 @@ bool within_bounds(const AssemblyReport& report);
 
 /// Pose, diagnostics and, where they were asked for, the errors and the verification's table.
 void print(const AssemblyReport& report, std::FILE* out);
+
+/// Of the pose: status, the signals that tell good from bad.
+Json diagnostics_json(const Assembly& assembly);
+std::string_view status_name(Status status);
 
 /// Everything but `timing_ms` is the same in every run.
 Json to_json(const AssemblyReport& report);

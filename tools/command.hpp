@@ -19,7 +19,9 @@ struct Command {
 };
 
 Command add_assemble(CLI::App& root);
+Command add_batch(CLI::App& root);
 Command add_generate(CLI::App& root);
+Command add_refine(CLI::App& root);
 Command add_model_info(CLI::App& model);
 Command add_model_convert(CLI::App& model);
 Command add_bench(CLI::App& root);

@@ -158,6 +158,10 @@ Result<std::vector<DataSample>> draw(const DataSet& data, std::size_t first, std
   return batch;
 }
 
+void add_once(std::vector<Follow>& list, Follow follow) {
+  if (std::find(list.begin(), list.end(), follow) == list.end()) list.push_back(follow);
+}
+
 void record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
             std::size_t first) {
   for (std::size_t i = 0; i < batch.size(); ++i)
@@ -174,7 +178,8 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
                      .methods = {}};
   for (const Method& method : methods) {
     if (method.plain) result.methods.push_back({method.name, {}});
-    if (method.refined) result.methods.push_back({method.name + "+icp", {}});
+    for (const Follow follow : method.refined)
+      result.methods.push_back({method.name + "+" + std::string(name(follow)), {}});
   }
   const Estimation how{device, options.methods.mode, setting.keep};
   for (std::size_t first = 0; first < options.samples; first += options.batch) {
@@ -188,7 +193,13 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
         return fail(poses.error().code, method.name + ", samples from " + std::to_string(first) +
                                             " on: " + poses.error().message);
       if (method.plain) record(result.methods[row++], *batch, *poses, first);
-      if (method.refined) record(result.methods[row++], *batch, refined(*poses, *batch, how), first);
+      for (const Follow follow : method.refined) {
+        const auto better = refined(*poses, follow, *batch, how);
+        if (!better)
+          return fail(better.error().code, result.methods[row].name + ", samples from " +
+                                               std::to_string(first) + " on: " + better.error().message);
+        record(result.methods[row++], *batch, *better, first);
+      }
     }
     show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ", " +
                   std::to_string(setting.points) + " points: " + std::to_string(first + batch->size()) +
@@ -293,13 +304,30 @@ Command add_eval(CLI::App& root) {
       ->type_name("DIR");
   app->add_option("--methods", options->methods.controls,
                   "Controls: " + std::string(control_names) +
-                      ", each also with +icp; all of them when no model is given")
+                      ", each also with +icp, +ot or +trimmed-icp; all of them when no model is given")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("NAME,…");
-  app->add_flag("--icp", options->methods.icp, "Also a row of every model followed by trimmed ICP");
-  app->add_option("--keep", options->keep,
-                  "Share of the points that ICP keeps; by the protocol unless given, see below")
+  app->add_option_function<std::vector<std::string>>(
+         "--refine",
+         [options](const std::vector<std::string>& names) {
+           for (const std::string& text : names) {
+             const auto* known = std::find_if(std::begin(follows), std::end(follows),
+                                              [&](const FollowName& f) { return f.name == text; });
+             if (known == std::end(follows))
+               throw CLI::ValidationError("--refine", "\"" + text + "\" is not one of icp, ot, trimmed-icp");
+             add_once(options->methods.refined, known->follow);
+           }
+         },
+         "Also rows of every model followed by refinements: icp, ot, trimmed-icp")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("NAME,…");
+  app->add_flag_callback(
+      "--icp", [options] { add_once(options->methods.refined, Follow::icp); }, "The same as --refine icp");
+  app->add_option(
+         "--keep", options->keep,
+         "Share of the points that pca-icp and trimmed-icp keep; by the protocol unless given, see below")
       ->type_name("SHARE");
   const std::string explained =
       add_protocol(*app, options->protocol,
@@ -343,7 +371,9 @@ Command add_eval(CLI::App& root) {
       "and 15° with 0.3; a flip is Δr > 135°.\n"
       "Controls: identity moves nothing; complete-match takes the untrained network for copies; pca-icp\n"
       "joins centroids and principal axes in four ways, follows each with ICP, and takes the best fit.\n"
-      "ICP keeps (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent ones,\n"
+      "icp and ot refine as bitr refine --protocol default does, trimmed-icp is plain ICP on positions. It "
+      "and\n"
+      "pca-icp keep (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent ones,\n"
       "0.8 for copies, 0.2 otherwise.\n"
       "Protocols:\n" +
       explained +

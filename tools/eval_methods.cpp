@@ -1,6 +1,7 @@
 #include "eval_methods.hpp"
 
 #include <algorithm>
+#include <bitr/refine.hpp>
 #include <cmath>
 
 #include "cpu/thread_pool.hpp"
@@ -11,14 +12,13 @@
 namespace bitr::tool {
 namespace {
 
-constexpr std::string_view icp_suffix = "+icp";
-
 Result<Method> control_named(const std::string& name) {
   if (name == "identity") return Method{.name = name};
   if (name == "pca-icp") return Method{.name = name, .way = Way::principal_axes};
   if (name != "complete-match")
     return fail(ErrorCode::invalid_argument, "--methods: \"" + name + "\" is not one of " +
-                                                 std::string(control_names) + ", with or without +icp");
+                                                 std::string(control_names) +
+                                                 ", with or without +icp, +ot or +trimmed-icp");
   auto model = untrained_model();
   if (!model) return tl::unexpected(model.error());
   return Method{.name = name, .way = Way::network, .model = std::move(*model)};
@@ -40,7 +40,7 @@ Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods
     methods.push_back({.name = shown,
                        .way = Way::network,
                        .plain = true,
-                       .refined = choice.icp,
+                       .refined = choice.refined,
                        .file = file,
                        .model = std::move(*model)});
   }
@@ -49,14 +49,19 @@ Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods
 
 Result<void> add_controls(const std::vector<std::string>& names, std::vector<Method>& methods) {
   for (std::string name : names) {
-    const bool refined = name.ends_with(icp_suffix);
-    if (refined) name.resize(name.size() - icp_suffix.size());
+    const FollowName* follow = std::find_if(std::begin(follows), std::end(follows), [&](const FollowName& f) {
+      return name.ends_with("+" + std::string(f.name));
+    });
+    if (follow != std::end(follows)) name.resize(name.size() - follow->name.size() - 1);
     auto method = control_named(name);
     if (!method) return tl::unexpected(method.error());
     auto known = std::find_if(methods.begin(), methods.end(),
                               [&](const Method& other) { return other.name == name && other.file.empty(); });
     if (known == methods.end()) known = methods.insert(methods.end(), std::move(*method));
-    (refined ? known->refined : known->plain) = true;
+    if (follow == std::end(follows))
+      known->plain = true;
+    else if (std::find(known->refined.begin(), known->refined.end(), follow->follow) == known->refined.end())
+      known->refined.push_back(follow->follow);
   }
   return {};
 }
@@ -124,14 +129,34 @@ Result<std::vector<Pose>> estimate(Method& method, std::span<const DataSample> b
   });
 }
 
-std::vector<Pose> refined(const std::vector<Pose>& poses, std::span<const DataSample> batch,
-                          const Estimation& how) {
-  return for_each_sample(batch, how.device, [&](std::size_t i) {
-    if (!finite(poses[i])) return poses[i];
-    return refine::Icp(batch[i].reference.positions, {.keep = how.keep})
-        .align(batch[i].source.positions, poses[i])
-        .T_reference_source;
-  });
+std::string_view name(Follow follow) {
+  return std::find_if(std::begin(follows), std::end(follows),
+                      [&](const FollowName& known) { return known.follow == follow; })
+      ->name;
+}
+
+Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
+                                  std::span<const DataSample> batch, const Estimation& how) {
+  if (follow == Follow::trimmed_icp)
+    return for_each_sample(batch, how.device, [&](std::size_t i) {
+      if (!finite(poses[i])) return poses[i];
+      return refine::Icp(batch[i].reference.positions, {.keep = how.keep})
+          .align(batch[i].source.positions, poses[i])
+          .T_reference_source;
+    });
+  std::vector<CloudPair> pairs;
+  std::vector<Pose> starts = poses;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    pairs.push_back({batch[i].source, batch[i].reference});
+    if (!finite(starts[i])) starts[i] = {};
+  }
+  const RefineMethod method = follow == Follow::icp ? RefineMethod::icp : RefineMethod::transport;
+  const auto refinements = refine_poses(how.device, pairs, starts, {.method = method});
+  if (!refinements) return tl::unexpected(refinements.error());
+  std::vector<Pose> results = poses;
+  for (std::size_t i = 0; i < results.size(); ++i)
+    if (finite(poses[i])) results[i] = (*refinements)[i].T_reference_source;
+  return results;
 }
 
 }  // namespace bitr::tool

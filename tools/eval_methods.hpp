@@ -6,17 +6,28 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace bitr::tool {
 
 enum class Way { identity, principal_axes, network };
 
+/// What may follow a method, in a row "name+suffix" of its own.
+enum class Follow { icp, ot, trimmed_icp };
+struct FollowName {
+  Follow follow;
+  std::string_view name;
+};
+inline constexpr FollowName follows[] = {
+    {Follow::icp, "icp"}, {Follow::ot, "ot"}, {Follow::trimmed_icp, "trimmed-icp"}};
+std::string_view name(Follow follow);
+
 struct Method {
   std::string name;
   Way way = Way::identity;
-  bool plain = false;    ///< a row of its poses
-  bool refined = false;  ///< a row "name+icp" of its poses after trimmed ICP
+  bool plain = false;                ///< a row of its poses
+  std::vector<Follow> refined = {};  ///< a row each, of its poses after that
 
   // Of a network.
   std::string file = {};  ///< empty for complete-match
@@ -26,8 +37,8 @@ struct Method {
 
 struct MethodChoice {
   std::vector<std::string> models;    ///< files
-  std::vector<std::string> controls;  ///< see control_names, each perhaps with "+icp"
-  bool icp = false;                   ///< a refined row for every model
+  std::vector<std::string> controls;  ///< see control_names, each perhaps with "+icp" or another
+  std::vector<Follow> refined;        ///< rows for every model
   std::optional<Mode> mode = {};      ///< overrides the models'
 };
 
@@ -41,13 +52,13 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice);
 struct Estimation {
   const Device& device;
   std::optional<Mode> mode;
-  double keep;  ///< as in refine::IcpOptions
+  double keep;  ///< of trimmed ICP, as in refine::IcpOptions
 };
 
 /// T_reference_source of every sample.
 Result<std::vector<Pose>> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);
-/// Each pose after ICP; one that is not finite stays.
-std::vector<Pose> refined(const std::vector<Pose>& poses, std::span<const DataSample> batch,
-                          const Estimation& how);
+/// Each pose after that; one that is not finite stays.
+Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
+                                  std::span<const DataSample> batch, const Estimation& how);
 
 }  // namespace bitr::tool

@@ -131,6 +131,7 @@ int run(Options& options) {
   const auto maker = Maker::open(options);
   if (!maker) return complain(maker.error());
   const std::filesystem::path folder = options.folder;
+  std::string manifest;
   for (std::uint64_t i = 0; i < options.count; ++i) {
     const auto made = maker->make(i);
     if (!made) return complain(made.error());
@@ -146,13 +147,22 @@ int run(Options& options) {
       written = io::write_ply(folder / (name + "_reference.ply"), made->pair.reference, options.encoding);
     if (written) written = write_json(folder / (name + "_truth.json"), truth_json(*made, options, i, name));
     if (!written) return complain(written.error());
+    manifest += Json{{"name", name},
+                     {"source", name + "_source.ply"},
+                     {"reference", name + "_reference.ply"},
+                     {"truth", name + "_truth.json"}}
+                    .dump() +
+                "\n";
     show_progress(std::to_string(i + 1) + " of " + std::to_string(options.count));
   }
   clear_progress();
   maker->warn_of_skipped();
+  const auto listed = io::write_file(folder / (options.kind + ".jsonl"), std::as_bytes(std::span(manifest)));
+  if (!listed) return complain(listed.error());
   std::cout << options.count << (options.count == 1 ? " pair" : " pairs") << " in " << options.folder << ", "
             << numbered(options.kind, 0) << "_{source,reference}.ply with _truth.json"
-            << (options.count > 1 ? " and so on" : "") << '\n';
+            << (options.count > 1 ? " and so on" : "") << ", and " << options.kind
+            << ".jsonl for bitr batch\n";
   return done;
 }
 

@@ -21,8 +21,9 @@ int run(int argc, char** argv) {
       "  bitr assemble clouds/copy_000_source.ply clouds/copy_000_reference.ply --complete-match -o "
       "assembled.ply\n"
       "  bitr assemble --help");
-  std::vector<Command> commands = {add_assemble(app), add_generate(app), add_bench(app), add_devices(app),
-                                   add_doctor(app),   add_eval(app),     add_train(app)};
+  std::vector<Command> commands = {add_assemble(app), add_batch(app),   add_generate(app),
+                                   add_bench(app),    add_devices(app), add_doctor(app),
+                                   add_eval(app),     add_train(app),   add_refine(app)};
   CLI::App* model = app.add_subcommand("model", "Look into weights, convert them");
   model->require_subcommand(1);
   model->footer(

@@ -27,36 +27,39 @@ bool is_rotation(const std::array<double, 9>& r) {
 Result<Pose> read_pose(const std::string& path) {
   const auto bytes = io::read_file(path);
   if (!bytes) return tl::unexpected(bytes.error());
-  const auto refuse = [&](const std::string& why) { return fail(ErrorCode::bad_file, path + ": " + why); };
   const char* text = reinterpret_cast<const char*>(bytes->data());
   const Json json = Json::parse(text, text + bytes->size(), nullptr, false);
+  const auto refuse = [&](const std::string& why) { return fail(ErrorCode::bad_file, path + ": " + why); };
   if (!json.is_object()) return refuse("is no JSON object");
   auto matrix = json.find("T_reference_source");
   if (matrix == json.end()) matrix = json.find("transform");
   if (matrix == json.end()) return refuse("has neither \"T_reference_source\" nor \"transform\"");
+  return parse_pose(*matrix, path + ": \"" + matrix.key() + "\"");
+}
 
+Result<Pose> parse_pose(const Json& matrix, const std::string& name) {
+  const auto refuse = [&](const std::string& why) { return fail(ErrorCode::bad_file, name + why); };
   std::array<double, 16> entries{};
-  bool numbers = matrix->is_array() && matrix->size() == 4;
+  bool numbers = matrix.is_array() && matrix.size() == 4;
   for (std::size_t row = 0; numbers && row < 4; ++row) {
-    const Json& values = (*matrix)[row];
+    const Json& values = matrix[row];
     numbers = values.is_array() && values.size() == 4;
     for (std::size_t column = 0; numbers && column < 4; ++column) {
       numbers = values[column].is_number();
       if (numbers) entries[4 * row + column] = values[column].get<double>();
     }
   }
-  if (!numbers) return refuse("\"" + matrix.key() + "\" is no 4×4 array of numbers");
+  if (!numbers) return refuse(" is no 4×4 array of numbers");
 
   Pose pose;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) pose.rotation[3 * row + column] = entries[4 * row + column];
     pose.translation[row] = entries[4 * row + 3];
-    if (!std::isfinite(pose.translation[row])) return refuse("\"" + matrix.key() + "\" is not finite");
+    if (!std::isfinite(pose.translation[row])) return refuse(" is not finite");
   }
   const bool last_row = entries[12] == 0 && entries[13] == 0 && entries[14] == 0 && entries[15] == 1;
   if (!is_rotation(pose.rotation) || !last_row)
-    return refuse("\"" + matrix.key() +
-                  "\" is no rigid motion: R must be a rotation to 1e-6, the last row 0 0 0 1");
+    return refuse(" is no rigid motion: R must be a rotation to 1e-6, the last row 0 0 0 1");
   return pose;
 }
 

@@ -50,6 +50,7 @@ std::string_view name(RefineMethod method);
 std::string_view name(RefineProtocol protocol);
 
 struct Refinement {
+  Pose start;
   Pose T_reference_source;  ///< the better of start and proposal by their scores; the start when they are
                             ///< equal
   bool improved = false;    ///< it is the proposal

@@ -94,7 +94,7 @@ class Refiner {
   Refinement run(const Pose& start) {
     Refinement result;
     result.spacing = std::max(source_.spacing, reference_.spacing);
-    result.proposal = start;
+    result.start = result.proposal = start;
     const Pose before = centred(start);
     oriented_ = normals_are_oriented(source_, reference_, before, workers_);
     const Fit fit_before = measured(before);
@@ -213,7 +213,7 @@ class Refiner {
         for (double& value : row) value *= scale;
       return rows;
     };
-    const double scale = 1 / result.spacing;
+    const double scale = 1 / std::max(thinned_spacing(source_), thinned_spacing(reference_));
     const auto source = some(source_.points, scale), reference = some(reference_.points, scale);
     const auto source_normals = some(source_.normals, 1), reference_normals = some(reference_.normals, 1);
     Pose scaled = before;
@@ -225,6 +225,12 @@ class Refiner {
          result);
     for (double& value : result.T_reference_source.translation) value /= scale;
     result.proposal = given(result.T_reference_source);
+  }
+
+  /// Of the points that are transported.
+  static double thinned_spacing(const Surface& surface) {
+    const auto n = static_cast<double>(surface.points.size());
+    return surface.spacing * std::sqrt(std::max(1.0, n / static_cast<double>(most_transported)));
   }
 
   static void keep(const TransportResult& transport, Refinement& result) {

@@ -1,52 +1,18 @@
 #include "train/metrics.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <bitr/io.hpp>
-#include <cerrno>
-#include <system_error>
-
-#include "api/guarded.hpp"
-#include "core/failure.hpp"
-
 namespace bitr::train {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-[[noreturn]] void refuse(const std::filesystem::path& file, const char* what) {
-  throw Failure(ErrorCode::io, file.string() + ": cannot " + what + ": " +
-                                   std::error_code(errno, std::generic_category()).message());
-}
-
 }  // namespace
 
-Metrics::Metrics(std::filesystem::path file, std::size_t step) : file_(std::move(file)) {
-  std::string kept;
-  if (step > 0 && std::filesystem::exists(file_)) {
-    const auto bytes = value_or_throw(io::read_file(file_));
-    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-    for (std::size_t at = 0; at < text.size();) {
-      const std::size_t end = text.find('\n', at);
-      if (end == std::string_view::npos) break;
-      const std::string_view line = text.substr(at, end - at);
-      at = end + 1;
-      const Json json = Json::parse(line, nullptr, false);
-      if (!json.is_object() || !json.contains("step") || !json["step"].is_number_unsigned() ||
-          json["step"].get<std::size_t>() > step)
-        continue;
-      if (remember(json)) kept += std::string(line) + '\n';
-    }
-  }
-  value_or_throw(io::write_file(file_, std::as_bytes(std::span(kept))));
-  descriptor_ = ::open(file_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
-  if (descriptor_ < 0) refuse(file_, "open for writing");
-}
-
-Metrics::~Metrics() {
-  if (descriptor_ >= 0) ::close(descriptor_);
-}
+Metrics::Metrics(const std::filesystem::path& file, std::size_t step)
+    : log_(file, [&](std::string_view line) {
+        const Json json = Json::parse(line, nullptr, false);
+        return json.is_object() && json.contains("step") && json["step"].is_number_unsigned() && step > 0 &&
+               json["step"].get<std::size_t>() <= step && remember(json);
+      }) {}
 
 bool Metrics::remember(const Json& json) {
   try {
@@ -74,14 +40,7 @@ bool Metrics::remember(const Json& json) {
 }
 
 void Metrics::write(const Json& json) {
-  const std::string line = json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
-  std::string_view rest = line;
-  while (!rest.empty()) {
-    const ssize_t written = ::write(descriptor_, rest.data(), rest.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) refuse(file_, "write");
-    rest.remove_prefix(static_cast<std::size_t>(written));
-  }
+  log_.append(json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
 void Metrics::add(const Measured& loss, const Json& more) {

@@ -4,6 +4,8 @@
 #include <bitr/train.hpp>
 #include <nlohmann/json.hpp>
 
+#include "io/line_log.hpp"
+
 namespace bitr::train {
 
 /// A point of the curves.
@@ -22,10 +24,7 @@ struct History {
 class Metrics {
  public:
   /// Keeps what is there up to `step`; nothing for step 0. Failure (`io`).
-  Metrics(std::filesystem::path file, std::size_t step);
-  Metrics(const Metrics&) = delete;
-  Metrics& operator=(const Metrics&) = delete;
-  ~Metrics();
+  Metrics(const std::filesystem::path& file, std::size_t step);
 
   /// Failure (`io`) when they cannot be written.
   void add(const Measured& loss, const nlohmann::ordered_json& more);
@@ -37,9 +36,8 @@ class Metrics {
   void write(const nlohmann::ordered_json& json);
   bool remember(const nlohmann::ordered_json& json);
 
-  std::filesystem::path file_;
-  int descriptor_ = -1;
   History history_;
+  io::LineLog log_;
 };
 
 }  // namespace bitr::train

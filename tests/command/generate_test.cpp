@@ -39,7 +39,8 @@ TEST(Generate, SameSeedSameBytes) {
   EXPECT_EQ(read_text(first.source), read_text(second.source));
   EXPECT_EQ(read_text(first.reference), read_text(second.reference));
   EXPECT_EQ(read_text(first.truth), read_text(second.truth));
-  EXPECT_THAT(a.names(), ElementsAre("copy_000_reference.ply", "copy_000_source.ply", "copy_000_truth.json"));
+  EXPECT_THAT(a.names(), ElementsAre("copy.jsonl", "copy_000_reference.ply", "copy_000_source.ply",
+                                     "copy_000_truth.json"));
 }
 
 TEST(Generate, WritesAsciiWhenAsked) {
@@ -82,7 +83,7 @@ TEST(Generate, CropsShapesFromAFolder) {
                    "--points", "100", "--protocol", "complement", "--share", "0.5"});
   ASSERT_EQ(made.status, 0) << made.err;
   EXPECT_THAT(made.err, testing::MatchesRegex("bitr: [^\n]*1 file was skipped; broken.ply: [^\n]*\n"));
-  EXPECT_EQ(folder.names().size(), 18u);
+  EXPECT_EQ(folder.names().size(), 19u);
   const auto truth = read_json(folder.path("crops_005_truth.json"));
   EXPECT_THAT(truth["shape"].get<std::string>(), testing::StartsWith("copy_000_"));
   EXPECT_EQ(truth["protocol"], "complement");

@@ -12,9 +12,9 @@ using testing::StartsWith;
 using Words = std::vector<std::string>;
 
 TEST(Help, EveryCommandExplainsItselfWithAnExample) {
-  const std::vector<Words> commands = {{},        {"assemble"},      {"generate"},        {"train"},
-                                       {"eval"},  {"bench"},         {"devices"},         {"doctor"},
-                                       {"model"}, {"model", "info"}, {"model", "convert"}};
+  const std::vector<Words> commands = {{},         {"assemble"}, {"refine"},        {"generate"},
+                                       {"train"},  {"eval"},     {"bench"},         {"devices"},
+                                       {"doctor"}, {"model"},    {"model", "info"}, {"model", "convert"}};
   for (Words words : commands) {
     const std::string name = testing::PrintToString(words);
     words.push_back("--help");

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <iterator>
 #include <string_view>
+#include <thread>
 
 extern char** environ;
 
@@ -57,6 +58,26 @@ Finished run_command(const std::vector<std::string>& arguments, const std::vecto
   int state = 0;
   waitpid(child, &state, 0);
   return {WIFEXITED(state) ? WEXITSTATUS(state) : 128 + WTERMSIG(state), read_text(out), read_text(err)};
+}
+
+int run_and_signal(const std::vector<std::string>& arguments, std::chrono::milliseconds wait, int signal) {
+  std::vector<std::string> words = {BITR_COMMAND};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  const pid_t child = fork();
+  if (child == 0) {
+    const int null = open("/dev/null", O_RDWR);
+    for (const int number : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) dup2(null, number);
+    execv(BITR_COMMAND, argv.data());
+    _exit(127);
+  }
+  std::this_thread::sleep_for(wait);
+  kill(child, signal);
+  int state = 0;
+  waitpid(child, &state, 0);
+  return WIFEXITED(state) ? WEXITSTATUS(state) : 128 + WTERMSIG(state);
 }
 
 Folder::Folder() {

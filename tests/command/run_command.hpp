@@ -1,6 +1,7 @@
 // Runs the built command the way a shell would.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,6 +17,9 @@ struct Finished {
 /// `environment`: NAME=value, beside the test's own. The cache folder is a fresh one unless it says so.
 Finished run_command(const std::vector<std::string>& arguments,
                      const std::vector<std::string>& environment = {});
+
+/// Starts the command and lets it run that long before it gets the signal; returns its status as in Finished.
+int run_and_signal(const std::vector<std::string>& arguments, std::chrono::milliseconds wait, int signal);
 
 /// A fresh folder, removed with everything in it at the end.
 class Folder {

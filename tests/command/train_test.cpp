@@ -1,13 +1,9 @@
 // bitr train, with a network and clouds so small that a step takes milliseconds.
-#include <fcntl.h>
 #include <gmock/gmock.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <bitr/train.hpp>
 #include <chrono>
 #include <csignal>
-#include <thread>
 
 #include "io/safetensors.hpp"
 #include "run_command.hpp"
@@ -32,27 +28,6 @@ std::vector<std::string> training(const std::string& config, const std::string& 
   std::vector<std::string> words = {"train", config, "--out", out, "--backend", "cpu", "--threads", "1"};
   words.insert(words.end(), more.begin(), more.end());
   return words;
-}
-
-/// Starts the command and lets it run that long before it gets the signal.
-int run_and_signal(const std::vector<std::string>& arguments, milliseconds wait, int signal) {
-  std::vector<std::string> words = {BITR_COMMAND};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  const pid_t child = fork();
-  if (child == 0) {
-    const int null = open("/dev/null", O_RDWR);
-    for (const int number : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) dup2(null, number);
-    execv(BITR_COMMAND, argv.data());
-    _exit(127);
-  }
-  std::this_thread::sleep_for(wait);
-  kill(child, signal);
-  int state = 0;
-  waitpid(child, &state, 0);
-  return WIFEXITED(state) ? WEXITSTATUS(state) : 128 + WTERMSIG(state);
 }
 
 std::map<std::string, Tensor> tensors(const std::string& path) {

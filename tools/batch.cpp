@@ -1,0 +1,411 @@
+// bitr batch: many pairs of clouds, a line of results for each.
+#include <bitr/assemble.hpp>
+#include <bitr/io.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <future>
+#include <memory>
+
+#include "assembly_report.hpp"
+#include "batch_results.hpp"
+#include "cloud_input.hpp"
+#include "command.hpp"
+#include "core/failure.hpp"
+#include "core/read_ahead.hpp"
+#include "device_choice.hpp"
+#include "joined_cloud.hpp"
+#include "manifest.hpp"
+#include "options.hpp"
+#include "pose_file.hpp"
+
+namespace bitr::tool {
+namespace {
+
+// More points than this go to the device by themselves.
+constexpr std::size_t most_submitted_points = std::size_t{1} << 20;
+
+struct Shard {
+  std::uint64_t index = 1, count = 1;
+  bool has(std::uint64_t pair) const { return pair % count == index - 1; }
+  std::uint64_t size(std::uint64_t pairs) const { return (pairs + count - index) / count; }
+};
+
+struct Options {
+  std::string manifest, folder, model;
+  bool resume = false, complete_match = false, strict = false, assembled = false;
+  std::uint64_t pairs = 16, model_seed = 0;
+  Shard shard;
+  CloudOptions clouds;
+  RunOptions run;
+};
+
+/// A pair with its clouds, or why there are none.
+struct Job {
+  ManifestEntry entry;
+  std::optional<CloudInput> source, reference;
+  std::optional<Pose> truth;
+  std::string problem;
+  bool end = false;  ///< there is no such pair
+
+  CloudPair clouds() const { return {source->used, reference->used}; }
+  std::size_t points() const { return problem.empty() ? shape_of(std::vector{clouds()}).points : 0; }
+};
+
+Job end_of_jobs() {
+  Job job;
+  job.end = true;
+  return job;
+}
+
+/// What is known of a pair, in the end.
+struct Outcome {
+  Job job;
+  std::optional<Assembly> assembly;
+};
+
+/// The shard's pairs from a given one on; to be asked by one thread.
+class Jobs {
+ public:
+  Jobs(Manifest manifest, const Options& options, const Model& model, std::uint64_t done)
+      : manifest_(std::move(manifest)), options_(options), model_(model), done_(done) {}
+
+  Job next() {
+    for (;; ++number_) {
+      auto entry = manifest_.next();
+      if (entry && !*entry) return end_of_jobs();
+      if (!options_.shard.has(number_) || (done_ > 0 && done_-- > 0)) continue;
+      Job job;
+      if (entry) {
+        job.entry = std::move(**entry);
+        read(job);
+      } else {
+        job.entry.number = number_;
+        job.entry.name = "pair " + std::to_string(number_);
+        job.problem = entry.error().message;
+      }
+      ++number_;
+      return job;
+    }
+  }
+
+ private:
+  void read(Job& job) const {
+    job.truth = job.entry.pose;
+    if (!job.entry.truth.empty()) {
+      const auto pose = read_pose(job.entry.truth);
+      if (!pose) return void(job.problem = pose.error().message);
+      job.truth = *pose;
+    }
+    for (const auto& [path, input] :
+         {std::pair(&job.entry.source, &job.source), {&job.entry.reference, &job.reference}}) {
+      auto made = read_input(*path, options_.clouds);
+      if (!made) return void(job.problem = made.error().message);
+      choose_points(*made, options_.clouds, model_);
+      *input = std::move(*made);
+    }
+  }
+
+  Manifest manifest_;
+  const Options& options_;
+  const Model& model_;
+  std::uint64_t done_, number_ = 0;
+};
+
+/// A plan that grows with the batches, on a device that is made anew when it is lost.
+class Assembler {
+ public:
+  Assembler(const Options& options, const Model& model, OpenDevice device)
+      : options_(options), model_(model), device_(std::move(device)) {}
+
+  /// Fills in assemblies or problems.
+  void run(std::vector<Outcome>& outcomes) {
+    std::vector<Outcome*> some;
+    std::size_t points = 0;
+    for (Outcome& outcome : outcomes) {
+      if (!outcome.job.problem.empty()) continue;
+      if (!some.empty() && points + outcome.job.points() > most_submitted_points) {
+        submit(some);
+        some.clear();
+        points = 0;
+      }
+      points += outcome.job.points();
+      some.push_back(&outcome);
+    }
+    submit(some);
+  }
+  const Device& device() const { return *device_; }
+  void save_cache() const { device_.save_cache(); }
+
+ private:
+  void submit(const std::vector<Outcome*>& outcomes) {
+    if (outcomes.empty()) return;
+    auto assemblies = assemble_all(outcomes);
+    if (assemblies) {
+      for (std::size_t i = 0; i < outcomes.size(); ++i) outcomes[i]->assembly = std::move((*assemblies)[i]);
+    } else if (outcomes.size() == 1) {
+      outcomes.front()->job.problem = assemblies.error().message;
+    } else {
+      // One of them is not to be assembled; the others should not suffer.
+      for (Outcome* outcome : outcomes) submit({outcome});
+    }
+  }
+
+  Result<std::vector<Assembly>> assemble_all(const std::vector<Outcome*>& outcomes) {
+    std::vector<CloudPair> pairs;
+    for (const Outcome* outcome : outcomes) pairs.push_back(outcome->job.clouds());
+    auto assemblies = attempt(pairs);
+    if (assemblies || assemblies.error().code != ErrorCode::device_lost) return assemblies;
+    warn(assemblies.error().message + "; going on with a new device");
+    plan_.reset();
+    auto device = open_device(options_.run);
+    if (!device) return tl::unexpected(device.error());
+    device_ = std::move(*device);
+    return attempt(pairs);
+  }
+
+  Result<std::vector<Assembly>> attempt(const std::vector<CloudPair>& pairs) {
+    const BatchShape shape = shape_of(pairs);
+    if (!plan_ || plan_->capacity().pairs < shape.pairs || plan_->capacity().points < shape.points) {
+      BatchShape capacity{std::max<std::size_t>(shape.pairs, options_.pairs), shape.points * 5 / 4};
+      if (plan_) capacity.points = std::max(capacity.points, plan_->capacity().points);
+      plan_.reset();
+      auto plan = make_plan(*device_, model_, capacity, options_.run.plan);
+      if (!plan) return tl::unexpected(plan.error());
+      plan_ = std::make_unique<Plan>(std::move(*plan));
+    }
+    return assemble(*plan_, pairs,
+                    {.complete_match = options_.complete_match, .diagnostics = true, .swap_residual = false});
+  }
+
+  const Options& options_;
+  const Model& model_;
+  OpenDevice device_;
+  std::unique_ptr<Plan> plan_;
+};
+
+Json line_of(const Outcome& outcome) {
+  const Job& job = outcome.job;
+  Json line = {{"pair", job.entry.number},
+               {"name", job.entry.name},
+               {"source", job.entry.source},
+               {"reference", job.entry.reference}};
+  if (!outcome.assembly) {
+    line["status"] = "unreadable";
+    line["problem"] = job.problem;
+    return line;
+  }
+  const Assembly& assembly = *outcome.assembly;
+  line["status"] = status_name(assembly.status);
+  if (assembly.status == Status::failed) return line;
+  line["transform"] = matrix_json(assembly.T_reference_source);
+  line["points"] = {{"source", job.source->used.size()}, {"reference", job.reference->used.size()}};
+  line["diagnostics"] = diagnostics_json(assembly);
+  if (job.truth)
+    line["errors"] = {{"rotation_degrees", rotation_error_degrees(assembly.T_reference_source, *job.truth)},
+                      {"translation", translation_error(assembly.T_reference_source, *job.truth)}};
+  return line;
+}
+
+/// Clouds first, so that what has its line has its cloud.
+void write(const std::vector<Outcome>& outcomes, const Options& options, BatchResults& results) {
+  std::vector<Json> lines;
+  for (const Outcome& outcome : outcomes) {
+    lines.push_back(line_of(outcome));
+    if (!options.assembled || !outcome.assembly || outcome.assembly->status == Status::failed) continue;
+    char name[64];
+    std::snprintf(name, sizeof name, "pair_%06llu.ply",
+                  static_cast<unsigned long long>(outcome.job.entry.number));
+    const auto written = io::write_ply(std::filesystem::path(options.folder) / name,
+                                       joined_cloud(outcome.job.source->cloud, outcome.job.reference->cloud,
+                                                    outcome.assembly->T_reference_source));
+    if (!written) throw Failure(written.error().code, written.error().message);
+  }
+  results.append(lines);
+}
+
+Result<Model> choose_model(const Options& options) {
+  if (!options.model.empty()) return find_model(options.model);
+  return options.complete_match ? untrained_model({}, options.model_seed) : default_model();
+}
+
+// What results depend on.
+Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(manifest.fingerprint));
+  return {{"manifest", options.manifest},
+          {"manifest_fingerprint", hash},
+          {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
+          {"model", model.name()},
+          {"complete_match", options.complete_match},
+          {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
+          {"precision", precision_name(options.run.plan.precision)},
+          {"as_defined", options.run.plan.as_defined},
+          {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
+          {"seed", options.clouds.seed},
+          {"assembled", options.assembled}};
+}
+
+class Progress {
+ public:
+  Progress(std::uint64_t done, std::uint64_t all) : start_(done), all_(all) {}
+  double rate(std::uint64_t done) const {
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
+    return seconds > 0 ? static_cast<double>(done - start_) / seconds : 0;
+  }
+  void show(std::uint64_t done) const {
+    char text[128];
+    const double rate = this->rate(done), left = rate > 0 ? static_cast<double>(all_ - done) / rate : 0;
+    std::snprintf(text, sizeof text, "%llu of %llu pairs, %.1f a second, %.0f:%02d to go",
+                  static_cast<unsigned long long>(done), static_cast<unsigned long long>(all_), rate,
+                  std::floor(left / 60), static_cast<int>(std::fmod(left, 60)));
+    show_progress(text);
+  }
+
+ private:
+  std::uint64_t start_, all_;
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+};
+
+void print(const BatchSummary& summary, const std::string& file, double rate) {
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  std::printf("pairs       %llu: %llu ok, %llu degenerate, %llu failed, %llu unreadable\n",
+              count(summary.pairs), count(summary.ok), count(summary.degenerate), count(summary.failed),
+              count(summary.unreadable));
+  if (summary.overlap.count() > 0)
+    std::printf("overlap     median %.1f %% of the source\n", 100 * summary.overlap.median());
+  const Histogram& errors = summary.rotation_degrees;
+  if (errors.count() > 0)
+    std::printf("error       rotation median %.2f, mean %.2f degrees; %.1f %% within 5, %.1f %% within 15\n",
+                errors.median(), errors.mean(), 100 * errors.share_within(5), 100 * errors.share_within(15));
+  std::printf("throughput  %.1f pairs a second\nresults     %s\n", rate, file.c_str());
+}
+
+Result<std::string> results_file(const Options& options) {
+  std::error_code error;
+  std::filesystem::create_directories(options.folder, error);
+  if (!std::filesystem::is_directory(options.folder, error))
+    return fail(ErrorCode::invalid_argument,
+                "--out " + options.folder + ": cannot be made: " + error.message());
+  std::string name = "results";
+  if (options.shard.count > 1)
+    name += "-" + std::to_string(options.shard.index) + "-of-" + std::to_string(options.shard.count);
+  const std::string file = std::filesystem::path(options.folder) / (name + ".jsonl");
+  if (!options.resume && std::filesystem::exists(file, error))
+    return fail(ErrorCode::invalid_argument, file + ": is there already; --resume goes on with it");
+  if (auto checked = check_output("--out", file, {options.manifest}); !checked)
+    return tl::unexpected(checked.error());
+  return file;
+}
+
+int run_checked(Options& options) {
+  const auto model = choose_model(options);
+  if (!model) return complain(model.error());
+  const auto summary = summarise_manifest(options.manifest);
+  if (!summary) return complain(summary.error());
+  auto manifest = Manifest::open(options.manifest);
+  if (!manifest) return complain(manifest.error());
+  auto device = open_device(options.run);
+  if (!device) return complain(device.error());
+  const auto file = results_file(options);
+  if (!file) return complain(file.error());
+
+  BatchResults results(*file, settings_of(options, *model, *summary));
+  const std::uint64_t all = options.shard.size(summary->pairs);
+  const Progress progress(results.done(), all);
+  Assembler assembler(options, *model, std::move(*device));
+  Jobs jobs(std::move(*manifest), options, *model, results.done());
+  // Declared after what its thread uses.
+  ReadAhead<Job> reader(1, 2 * options.pairs, [&](std::uint64_t) { return jobs.next(); });
+  std::future<void> writing;
+  for (bool end = false; !end;) {
+    std::vector<Outcome> outcomes;
+    while (!end && outcomes.size() < options.pairs) {
+      Job job = reader.next();
+      end = job.end;
+      if (!end) outcomes.push_back({std::move(job), {}});
+    }
+    assembler.run(outcomes);
+    if (writing.valid()) writing.get();
+    progress.show(results.done());
+    writing = std::async(std::launch::async,
+                         [&, outcomes = std::move(outcomes)] { write(outcomes, options, results); });
+  }
+  writing.get();
+  assembler.save_cache();
+  clear_progress();
+  print(results.summary(), *file, progress.rate(results.done()));
+  const BatchSummary& found = results.summary();
+  const std::uint64_t unusable = found.failed + found.unreadable + (options.strict ? found.degenerate : 0);
+  return unusable == 0
+             ? done
+             : complain(run_failed, std::to_string(unusable) + " of " + std::to_string(found.pairs) +
+                                        " pairs have no usable pose; see \"status\" in " + *file);
+}
+
+int run(Options& options) {
+  try {
+    return run_checked(options);
+  } catch (const Failure& failure) {
+    return complain(failure.error());
+  }
+}
+
+void parse_shard(const std::string& text, Shard& shard) {
+  unsigned long long index = 0, count = 0;
+  int length = 0;
+  if (std::sscanf(text.c_str(), "%llu/%llu%n", &index, &count, &length) != 2 ||
+      static_cast<std::size_t>(length) != text.size() || index < 1 || index > count || count > 1'000'000)
+    throw CLI::ValidationError("--shard", "\"" + text + "\" is not I/N with 1 ≤ I ≤ N ≤ 1000000");
+  shard = {index, count};
+}
+
+}  // namespace
+
+Command add_batch(CLI::App& root) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = root.add_subcommand("batch", "Assemble the pairs of a manifest");
+  app->add_option("MANIFEST", options->manifest, "Table or JSON lines that name the clouds, see below")
+      ->required()
+      ->type_name("FILE");
+  app->add_option("--out", options->folder, "Folder of the results; made if it is missing")
+      ->required()
+      ->type_name("DIR");
+  app->add_flag("--resume", options->resume, "Go on where an interrupted run stopped");
+  app->add_option_function<std::string>(
+         "--shard", [options](const std::string& text) { parse_shard(text, options->shard); },
+         "Take every N-th pair only, from the I-th; for N processes side by side")
+      ->type_name("I/N");
+  app->add_flag("--assembled", options->assembled,
+                "Also write every pair, assembled, to DIR/pair_NUMBER.ply");
+  add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs that go to the device at once");
+  auto* model = add_model(*app, options->model, "unless given, the first of them");
+  app->add_flag("--complete-match", options->complete_match,
+                "For references that are moved copies of the sources; needs no trained model");
+  add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
+      ->excludes(model);
+  add_cloud_options(*app, options->clouds);
+  add_mode(*app, options->run.plan.mode,
+           "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
+  add_run_options(*app, options->run);
+  app->remove_option(app->get_option("--profile"));  // of one assemble()
+  app->add_flag("--strict", options->strict, "Fail in the end when the pose of a pair is not determined");
+  app->footer(
+      "MANIFEST: a CSV table whose first line names its columns, source, reference and, as wanted, truth (a\n"
+      "JSON file with the true pose) and name; or, in a file *.jsonl, a JSON object with these keys per "
+      "line.\n"
+      "Paths are relative to the manifest's folder.\n"
+      "DIR/results.jsonl gets one line per pair, in the manifest's order, as pairs are done; a pair that "
+      "cannot\n"
+      "be read or assembled gets a line that says why, and the rest goes on.\n"
+      "Exit status: 0 done; 1 done, but some pairs have no usable pose; 2 bad input or usage.\n\n"
+      "Examples:\n"
+      "  bitr generate aircraft --out clouds --count 100 --seed 1\n"
+      "  bitr batch clouds/aircraft.jsonl --out results\n"
+      "  bitr batch clouds/aircraft.jsonl --out results --resume\n"
+      "  bitr batch clouds/aircraft.jsonl --out results --shard 2/8");
+  return {app, [options] { return run(*options); }};
+}
+
+}  // namespace bitr::tool

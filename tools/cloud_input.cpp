@@ -1,0 +1,39 @@
+#include "cloud_input.hpp"
+
+#include <bitr/io.hpp>
+
+#include "options.hpp"
+
+namespace bitr::tool {
+
+void add_cloud_options(CLI::App& app, CloudOptions& options) {
+  add_count(app, "--points", options.points, 1, most_points,
+            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud; unless given, "
+            "as many as the model was trained on");
+  add_seed(app, "--seed", options.seed, "Seed of that sampling");
+}
+
+Result<CloudInput> read_input(const std::string& path, const CloudOptions& options) {
+  io::ReadOptions read;
+  read.seed = options.seed;
+  if (options.points) read.mesh_points = *options.points;
+  auto cloud = io::read_cloud(path, read);
+  if (!cloud) return tl::unexpected(cloud.error());
+  return CloudInput{path, std::move(*cloud), {}};
+}
+
+void choose_points(CloudInput& input, const CloudOptions& options, const Model& model) {
+  const std::optional<PointRange> known = model.trained_points();
+  std::size_t most = options.points.value_or(known ? (known->low + known->high) / 2 : input.cloud.size());
+  if (known && !options.points && input.cloud.size() <= known->high) most = input.cloud.size();
+  input.used = io::subsample(input.cloud, most, options.seed);
+}
+
+bool too_few_points(const CloudInput& input, const Model& model) {
+  const std::optional<PointRange> known = model.trained_points();
+  return known && input.used.size() < known->low;
+}
+
+Result<Model> default_model() { return shipped_model(shipped_models().front().name); }
+
+}  // namespace bitr::tool

@@ -1,0 +1,37 @@
+// Clouds and models as a command takes them: from files, with as many points as the model knows.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <bitr/cloud.hpp>
+#include <bitr/model.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace bitr::tool {
+
+struct CloudOptions {
+  std::optional<std::uint64_t> points;
+  std::uint64_t seed = 0;
+};
+/// --points, --seed
+void add_cloud_options(CLI::App& app, CloudOptions& options);
+
+struct CloudInput {
+  std::string path;
+  PointCloud cloud;  ///< as read; a mesh is sampled
+  PointCloud used;   ///< what the network sees
+};
+
+/// `used` is empty yet. Errors as of io::read_cloud.
+Result<CloudInput> read_input(const std::string& path, const CloudOptions& options);
+
+/// Fills `used`: as many points as asked for, or as the model was trained on.
+void choose_points(CloudInput& input, const CloudOptions& options, const Model& model);
+/// Whether the model was trained on larger clouds.
+bool too_few_points(const CloudInput& input, const Model& model);
+
+/// The model that a command takes unless one is named. It cannot read every cloud: see ModelConfig.
+Result<Model> default_model();
+
+}  // namespace bitr::tool

@@ -1,0 +1,169 @@
+// bitr refine: from a pose that is about right to one that fits.
+#include <bitr/io.hpp>
+#include <bitr/refine.hpp>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+
+#include "command.hpp"
+#include "joined_cloud.hpp"
+#include "options.hpp"
+#include "output.hpp"
+#include "pose_file.hpp"
+#include "refinement.hpp"
+
+namespace bitr::tool {
+namespace {
+
+struct Options {
+  std::string source, reference, pose = "identity", output, json, truth;
+  RefineChoice choice;
+  std::optional<std::uint64_t> points;
+  std::uint64_t seed = 0, threads = 0;
+};
+
+Result<PointCloud> read(const std::string& path, const Options& options) {
+  io::ReadOptions how;
+  how.seed = options.seed;
+  how.mesh_points = options.points.value_or(how.mesh_points);
+  auto cloud = io::read_cloud(path, how);
+  if (cloud && options.points) *cloud = io::subsample(*cloud, *options.points, options.seed);
+  return cloud;
+}
+
+Result<void> check_outputs(const Options& options) {
+  std::vector<std::string> inputs = {options.source, options.reference, options.truth};
+  if (options.pose != "identity") inputs.push_back(options.pose);
+  if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
+  if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
+  if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
+  if (!options.output.empty() && options.output == options.json)
+    return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
+  return {};
+}
+
+void print_result(const Refinement& result, const RefineOptions& how, const std::optional<Pose>& truth,
+                  std::FILE* out) {
+  const auto matrix = result.T_reference_source.matrix();
+  std::fprintf(out, "T_reference_source\n");
+  for (int row = 0; row < 4; ++row)
+    std::fprintf(out, "  %15.9g %15.9g %15.9g %15.9g\n", matrix[4 * row], matrix[4 * row + 1],
+                 matrix[4 * row + 2], matrix[4 * row + 3]);
+  print(result, how, out);
+  if (truth)
+    std::fprintf(out, "error       rotation %.3g → %.3g degrees, translation %.3g → %.3g\n",
+                 rotation_error_degrees(result.start, *truth),
+                 rotation_error_degrees(result.T_reference_source, *truth),
+                 translation_error(result.start, *truth),
+                 translation_error(result.T_reference_source, *truth));
+  std::fflush(out);
+}
+
+Json result_json(const Options& options, const Refinement& result, const RefineOptions& how,
+                 const CloudPair& pair, const Device& device, const std::optional<Pose>& truth,
+                 double milliseconds) {
+  const Pose& pose = result.T_reference_source;
+  const auto& r = pose.rotation;
+  Json json = {
+      {"source", options.source},
+      {"reference", options.reference},
+      {"transform", matrix_json(pose)},
+      {"rotation", {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}}},
+      {"translation", pose.translation},
+      {"backend", "cpu"},
+      {"device", device.name()},
+      {"points", {{"source", pair.source.positions.count}, {"reference", pair.reference.positions.count}}},
+      {"refinement", to_json(result, how)}};
+  if (truth)
+    json["errors"] = {{"rotation_degrees", rotation_error_degrees(pose, *truth)},
+                      {"translation", translation_error(pose, *truth)}};
+  json["timing_ms"] = {{"total", milliseconds}};
+  return json;
+}
+
+int run(const Options& options) {
+  if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+  const auto how = refine_options(options.choice, RefineProtocol::official);
+  if (!how) return complain(how.error());
+  Pose start;
+  if (options.pose != "identity") {
+    const auto read = read_pose(options.pose);
+    if (!read) return complain(read.error());
+    start = *read;
+  }
+  std::optional<Pose> truth;
+  if (!options.truth.empty()) {
+    const auto read = read_pose(options.truth);
+    if (!read) return complain(read.error());
+    truth = *read;
+  }
+
+  show_progress("reading");
+  const auto begin = std::chrono::steady_clock::now();
+  const auto source = read(options.source, options);
+  if (!source) return complain(source.error());
+  const auto reference = read(options.reference, options);
+  if (!reference) return complain(reference.error());
+
+  show_progress("refining");
+  const Device device = cpu_device(static_cast<unsigned>(options.threads));
+  const CloudPair pair = {*source, *reference};
+  const auto refined = refine_poses(device, {&pair, 1}, {&start, 1}, *how);
+  if (!refined)
+    return complain(refined.error(), "source " + options.source + ", reference " + options.reference + ": ");
+  const Refinement& result = refined->front();
+  const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
+  clear_progress();
+
+  print_result(result, *how, truth, options.json == "-" ? stderr : stdout);
+  if (!options.output.empty()) {
+    const auto written =
+        io::write_ply(options.output, joined_cloud(*source, *reference, result.T_reference_source));
+    if (!written) return complain(written.error());
+  }
+  if (options.json.empty()) return done;
+  const auto written =
+      write_json(options.json, result_json(options, result, *how, pair, device, truth, elapsed.count()));
+  if (written) return done;
+  // Half of what was asked for is nothing to go on with.
+  std::error_code ignored;
+  if (!options.output.empty()) std::filesystem::remove(options.output, ignored);
+  return complain(written.error());
+}
+
+}  // namespace
+
+Command add_refine(CLI::App& root) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = root.add_subcommand("refine", "Refine a pose that is about right; never to a worse one");
+  app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
+  app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
+  app->add_option("--pose,--init", options->pose,
+                  "The start: T_reference_source in a JSON file of bitr assemble or bitr generate")
+      ->type_name("FILE|identity")
+      ->default_str("identity");
+  add_choice<RefineMethod>(*app, "--method", {{"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
+                           options->choice.method, "Iterated closest points, or optimal transport")
+      ->default_str("icp");
+  add_refine_options(*app, options->choice, "official");
+  app->add_option("-o,--output", options->output, "Write both clouds, joined, to this PLY file")
+      ->type_name("FILE");
+  add_json(*app, options->json);
+  app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
+      ->type_name("FILE");
+  add_count(*app, "--points", options->points, 1, most_points,
+            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud");
+  add_seed(*app, "--seed", options->seed, "Seed of that sampling");
+  add_count(*app, "--threads", options->threads, 0, 1024, "CPU threads; 0: every core");
+  app->footer(
+      "The pose with the better score is kept: 1 - min(1, (d/τ)² + |n - n'|²), averaged over the points of\n"
+      "both clouds; d is the distance to the other cloud, τ three spacings, n the normals if both have "
+      "them.\n"
+      "Exit status: 0 done, whichever pose was kept; 2 bad input or usage.\n\n"
+      "Examples:\n"
+      "  bitr refine part.ply whole.ply --pose result.json --protocol default -o joined.ply\n"
+      "  bitr refine part.ply whole.ply --pose identity --method ot --json -");
+  return {app, [options] { return run(*options); }};
+}
+
+}  // namespace bitr::tool
