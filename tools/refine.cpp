@@ -157,8 +157,8 @@ Command add_refine(CLI::App& root) {
   add_count(*app, "--threads", options->threads, 0, 1024, "CPU threads; 0: every core");
   app->footer(
       "The pose with the better score is kept: 1 - min(1, (d/τ)² + |n - n'|²), averaged over the points of\n"
-      "both clouds; d is the distance to the other cloud, τ three spacings, n the normals if both have "
-      "them.\n"
+      "both clouds; d: distance to the other cloud, τ: three spacings of 512 points, n: the normals if both\n"
+      "clouds have them.\n"
       "Exit status: 0 done, whichever pose was kept; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr refine part.ply whole.ply --pose result.json --protocol default -o joined.ply\n"

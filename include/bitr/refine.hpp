@@ -58,9 +58,9 @@ struct Refinement {
   Pose proposal;            ///< what the method ended with; the start when it was not run
 
   /// Truncated residuals both ways, in [0, 1], 1 the best: the mean over all points of both clouds of
-  /// 1 − min(1, (d/τ)² + |n − n'|²), where d is the distance to the other cloud's nearest point, τ = 3
-  /// spacings, and n, n' are the two points' unit normals, where both clouds have them: 60° between them
-  /// count like τ.
+  /// 1 − min(1, (d/τ)² + |n − n'|²), where d is the distance to the other cloud's nearest point and n, n' are
+  /// the two points' unit normals, where both clouds have them. τ is three times the larger of the clouds'
+  /// spacings, in clouds of N > 512 points times √(N/512).
   double score_before = 0, score_after = 0;  ///< of the start, of the proposal
 
   int iterations = 0;

@@ -213,7 +213,8 @@ class Refiner {
         for (double& value : row) value *= scale;
       return rows;
     };
-    const double scale = 1 / std::max(thinned_spacing(source_), thinned_spacing(reference_));
+    const double scale =
+        1 / std::max(source_.thinned_spacing(most_transported), reference_.thinned_spacing(most_transported));
     const auto source = some(source_.points, scale), reference = some(reference_.points, scale);
     const auto source_normals = some(source_.normals, 1), reference_normals = some(reference_.normals, 1);
     Pose scaled = before;
@@ -225,12 +226,6 @@ class Refiner {
          result);
     for (double& value : result.T_reference_source.translation) value /= scale;
     result.proposal = given(result.T_reference_source);
-  }
-
-  /// Of the points that are transported.
-  static double thinned_spacing(const Surface& surface) {
-    const auto n = static_cast<double>(surface.points.size());
-    return surface.spacing * std::sqrt(std::max(1.0, n / static_cast<double>(most_transported)));
   }
 
   static void keep(const TransportResult& transport, Refinement& result) {

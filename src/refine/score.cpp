@@ -7,6 +7,9 @@ namespace bitr::refine {
 namespace {
 
 constexpr double spacings = 3;
+// Denser clouds are looked at as if they had so many points: how far off a pose may be, and the noise, do not
+// shrink with the spacing.
+constexpr std::size_t as_if = 512;
 constexpr double most_turned = 1;  // 60°
 
 struct Residual {
@@ -37,7 +40,7 @@ std::vector<Residual> residuals(const Surface& from, const Surface& to, const Po
 }  // namespace
 
 double truncation(const Surface& source, const Surface& reference) {
-  return spacings * std::max(source.spacing, reference.spacing);
+  return spacings * std::max(source.thinned_spacing(as_if), reference.thinned_spacing(as_if));
 }
 
 Fit measure(const Surface& source, const Surface& reference, const Pose& T, bool oriented,

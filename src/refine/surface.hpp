@@ -1,8 +1,9 @@
 // A cloud made ready to be searched: centred, with its spacing and, where it has them, its normals.
 #pragma once
 
-#include <Eigen/Core>
+#include <algorithm>
 #include <bitr/cloud.hpp>
+#include <cmath>
 #include <vector>
 
 #include "core/point_tree.hpp"
@@ -28,6 +29,10 @@ struct Surface {
   Surface& operator=(const Surface&) = delete;
   bool has_normals() const { return !normals.empty(); }
   std::size_t bytes() const;
+  /// The spacing after thinning out to that many points; a surface's grows with the root of the number.
+  double thinned_spacing(std::size_t most) const {
+    return spacing * std::sqrt(std::max(1.0, static_cast<double>(points.size()) / static_cast<double>(most)));
+  }
 };
 
 }  // namespace bitr::refine

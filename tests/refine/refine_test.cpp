@@ -73,6 +73,18 @@ TEST(Refine, BringsAnswersHome) {
   }
 }
 
+TEST(Refine, DensityDoesNotMatter) {
+  for (const std::size_t points : {600, 3000, 15000}) {
+    const Made made = make(2, points, 8);
+    const Refinement result = refined(made);
+    EXPECT_TRUE(result.improved) << points << ": " << result.reason;
+    EXPECT_GT(result.overlap_before, 0.4);
+    EXPECT_LE(rotation_error_degrees(result.T_reference_source, made.pair.T_reference_source), 1.5) << points;
+    EXPECT_LE(result.workspace_bytes,
+              200 * (made.pair.source.size() + made.pair.reference.size()) + 4'000'000);
+  }
+}
+
 TEST(Refine, OfACopyIsExact) {
   const PointCloud cloud = generate_shape("aircraft", 3, 500).value().cloud;
   Random random(4);
