@@ -109,7 +109,8 @@ void Executor::load(graph::Graph graph) {
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
     for (TensorId id : node.outputs) site.out.push_back(graph_.tensors[id]);
     const int partner = differentiated[n];
-    site.kept = partner > static_cast<int>(n) || (partner >= 0 && kernels_[partner]->kept_bytes(largest_) > 0);
+    site.kept =
+        partner > static_cast<int>(n) || (partner >= 0 && kernels_[partner]->kept_bytes(largest_) > 0);
     kernels_.push_back(kernel_for(site, node.op));
   }
   find_inputs();
@@ -123,7 +124,7 @@ TensorId Executor::add_tensor(const std::string& name) {
 void Executor::add_memory() {
   memory_.assign(graph_.nodes.size(), {});
   const std::vector<int> differentiated = gradients(graph_);
-  std::map<TensorId, TensorId> lists;  // by index tensor
+  std::map<std::pair<TensorId, std::string>, TensorId> lists;  // by index tensor and name
   for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
     graph::Node& node = graph_.nodes[n];
     NodeMemory& memory = memory_[n];
@@ -136,7 +137,8 @@ void Executor::add_memory() {
       memory.kept = memory_[partner].kept;
     }
     if (const int input = kernels_[n]->listed_input(); input >= 0) {
-      const auto [place, added] = lists.emplace(node.inputs[input], graph::no_tensor);
+      const auto [place, added] =
+          lists.emplace(std::pair(node.inputs[input], kernels_[n]->list_name()), graph::no_tensor);
       if (added) place->second = add_tensor(node.name + ".lists");
       memory.lists = place->second;
       memory.makes_lists = added;

@@ -77,9 +77,10 @@ class Kernel {
   virtual std::size_t scratch_bytes(const graph::BatchLayout&) const { return 0; }
   /// Bytes it leaves for the gradient of its operation, if the graph has that (Site::kept).
   virtual std::size_t kept_bytes(const graph::BatchLayout&) const { return 0; }
-  /// Input whose edges it needs by the row they come from (reverse_neighbours.hpp), which kernels that need
-  /// those of the same tensor share; −1: none.
+  /// Input whose edges it needs in lists, which kernels share that need those of the same tensor and name;
+  /// −1: none.
   virtual int listed_input() const { return -1; }
+  virtual const char* list_name() const { return "reverse"; }  // reverse_neighbours.hpp
   virtual std::size_t list_bytes(const graph::BatchLayout&) const { return 0; }
   /// Adds its work to the schedule.
   virtual void record(const Arguments& arguments) const = 0;

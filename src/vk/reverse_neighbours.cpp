@@ -4,6 +4,7 @@
 
 #include "core/failure.hpp"
 #include "gather_edges.spv.hpp"
+#include "gather_edges_texels.spv.hpp"
 #include "reverse_neighbours_clear.spv.hpp"
 #include "reverse_neighbours_count.spv.hpp"
 #include "reverse_neighbours_fill.spv.hpp"
@@ -20,6 +21,8 @@ constexpr Access fill_bindings[] = {Access::read, Access::read, Access::read, Ac
 constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Access gather_bindings[] = {Access::read, Access::read, Access::read, Access::read,
                                       Access::read, Access::read, Access::write};
+constexpr Access texel_gather_bindings[] = {Access::read,   Access::read, Access::read, Access::texels,
+                                            Access::texels, Access::read, Access::write};
 constexpr Shader clear_shader{"reverse_neighbours_clear", spirv::reverse_neighbours_clear, clear_bindings,
                               sizeof(EdgeParameters), 1};
 constexpr Shader count_shader{"reverse_neighbours_count", spirv::reverse_neighbours_count, count_bindings,
@@ -32,6 +35,8 @@ constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbour
                              sizeof(EdgeParameters), 1};
 constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
                                9};
+constexpr Shader texel_gather_shader{"gather_edges_texels", spirv::gather_edges_texels, texel_gather_bindings,
+                                     sizeof(GatherParameters), 9};
 
 constexpr std::uint32_t work_group = 128;
 
@@ -91,7 +96,7 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, gr
 
 EdgeGather::EdgeGather(const Context& context, const Shape& shape)
     : shape_(shape),
-      pipeline_(&context.pipeline(gather_shader,
+      pipeline_(&context.pipeline(context.capabilities().texels ? texel_gather_shader : gather_shader,
                                   std::array{tile_rows, shape.width / 4, shape.record, shape.own,
                                              (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) |
                                                  (shape.both_ends > 0 ? 4u : 0u),

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-KINDS = {"read": "in", "write": "out", "modify": "mod", "constant": "con"}  # of Access in src/vk/shader.hpp
+KINDS = {"texels": "in", "read": "in", "write": "out", "modify": "mod", "constant": "con"}  # of Access in src/vk/shader.hpp
 # The least that Vulkan promises, and lavapipe's silent end of loops.
 MOST_INVOCATIONS, MOST_SHARED_KIB, LOOP_LIMIT = 128, 16, 65535
 

@@ -14,7 +14,7 @@ VARIABLE, COMPOSITE_EXTRACT, LOOP_MERGE = 59, 81, 246
 # Decorations.
 SPEC_ID, BUILT_IN, NON_WRITABLE, NON_READABLE, BINDING, DESCRIPTOR_SET, OFFSET = 1, 11, 24, 25, 33, 34, 35
 # Storage classes.
-UNIFORM, WORKGROUP, PUSH_CONSTANT, STORAGE_BUFFER = 2, 4, 9, 12
+UNIFORM_CONSTANT, UNIFORM, WORKGROUP, PUSH_CONSTANT, STORAGE_BUFFER = 0, 2, 4, 9, 12
 LOCAL_SIZE_ID, WORKGROUP_SIZE, UNROLL = 38, 25, 1
 
 # Specialization constants can be computed with these.
@@ -79,9 +79,12 @@ class Module:
         """{number: Binding} of all buffers."""
         found = {}
         for variable, storage, block in self.variables:
+            own = self.decorations.get(variable, {})
+            if storage == UNIFORM_CONSTANT:  # a texel buffer
+                found[own[BINDING][0]] = Binding("in", " and ".join(sorted(self._leaves(block))),
+                                                 {*self.names.get(variable, [])} - {""}, own[DESCRIPTOR_SET][0])
             if storage not in (UNIFORM, STORAGE_BUFFER):
                 continue
-            own = self.decorations.get(variable, {})
             members = [self.member_decorations[block][i] for i in range(len(self.types[block][1]))]
             readable, writable = (not (decoration in own or all(decoration in m for m in members))
                                   for decoration in (NON_READABLE, NON_WRITABLE))
