@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cstdlib>
 
+#include "core/hash.hpp"
 #include "options.hpp"
 #include "output.hpp"
 
@@ -58,11 +59,10 @@ std::filesystem::path cache_file(const DeviceInfo& info) {
     else if (!file.empty() && file.back() != '-')
       file += '-';
   file.resize(std::min<std::size_t>(file.size(), 60));
-  std::uint64_t hash = 14695981039346656037ull;  // FNV-1a
-  for (const char c : info.name + '\n' + info.driver + '\n' + info.api_version)
-    hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ull;
+  const std::string whole = info.name + '\n' + info.driver + '\n' + info.api_version;
   char digits[17];
-  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(hash));
+  std::snprintf(digits, sizeof digits, "%016llx",
+                static_cast<unsigned long long>(fnv1a(std::as_bytes(std::span(whole)))));
   return folder / (file + "-" + digits + ".pipelines");
 }
 

@@ -4,6 +4,7 @@
 #include <bitr/refine.hpp>
 #include <cmath>
 
+#include "core/finite.hpp"
 #include "cpu/thread_pool.hpp"
 #include "options.hpp"
 #include "refine/icp.hpp"
@@ -97,11 +98,6 @@ std::vector<Pose> for_each_sample(std::span<const DataSample> batch, const Devic
   return poses;
 }
 
-bool finite(const Pose& pose) {
-  const auto matrix = pose.matrix();
-  return std::all_of(matrix.begin(), matrix.end(), [](double value) { return std::isfinite(value); });
-}
-
 }  // namespace
 
 Result<std::vector<Method>> choose_methods(const MethodChoice& choice) {
@@ -139,7 +135,7 @@ Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
                                   std::span<const DataSample> batch, const Estimation& how) {
   if (follow == Follow::trimmed_icp)
     return for_each_sample(batch, how.device, [&](std::size_t i) {
-      if (!finite(poses[i])) return poses[i];
+      if (!is_finite(poses[i])) return poses[i];
       return refine::Icp(batch[i].reference.positions, {.keep = how.keep})
           .align(batch[i].source.positions, poses[i])
           .T_reference_source;
@@ -148,14 +144,14 @@ Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
   std::vector<Pose> starts = poses;
   for (std::size_t i = 0; i < batch.size(); ++i) {
     pairs.push_back({batch[i].source, batch[i].reference});
-    if (!finite(starts[i])) starts[i] = {};
+    if (!is_finite(starts[i])) starts[i] = {};
   }
   const RefineMethod method = follow == Follow::icp ? RefineMethod::icp : RefineMethod::transport;
   const auto refinements = refine_poses(how.device, pairs, starts, {.method = method});
   if (!refinements) return tl::unexpected(refinements.error());
   std::vector<Pose> results = poses;
   for (std::size_t i = 0; i < results.size(); ++i)
-    if (finite(poses[i])) results[i] = (*refinements)[i].T_reference_source;
+    if (is_finite(poses[i])) results[i] = (*refinements)[i].T_reference_source;
   return results;
 }
 

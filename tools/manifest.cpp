@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "core/hash.hpp"
 #include "pose_file.hpp"
 
 namespace bitr::tool {
@@ -162,11 +163,9 @@ Result<ManifestSummary> summarise_manifest(const std::string& path) {
   for (;; ++summary.pairs)
     if (const auto entry = manifest->next(); entry && !*entry) break;
   std::ifstream file(path, std::ios::binary);
-  std::uint64_t hash = 14695981039346656037ull;  // FNV-1a
+  summary.fingerprint = fnv1a_start;
   for (std::vector<char> block(1 << 16); file.read(block.data(), block.size()), file.gcount() > 0;)
-    for (std::streamsize i = 0; i < file.gcount(); ++i)
-      hash = (hash ^ static_cast<unsigned char>(block[i])) * 1099511628211ull;
-  summary.fingerprint = hash;
+    summary.fingerprint = fnv1a(std::as_bytes(std::span(block).first(file.gcount())), summary.fingerprint);
   return summary;
 }
 

@@ -4,18 +4,13 @@
 
 #include "api/guarded.hpp"
 #include "api/plan.hpp"
+#include "core/finite.hpp"
 
 namespace bitr {
 namespace {
 
 // Below this share of the largest singular value the rotation is decided by rounding noise.
 constexpr double least_rotation_gap = 1e-3;
-
-bool finite(const Pose& pose) {
-  const auto ok = [](double x) { return std::isfinite(x); };
-  return std::all_of(pose.rotation.begin(), pose.rotation.end(), ok) &&
-         std::all_of(pose.translation.begin(), pose.translation.end(), ok);
-}
 
 // From the centred clouds' frames to the input's: x ↦ R (x − source centroid) + t + reference centroid.
 Pose uncentred(Pose T, const Vec3d& source, const Vec3d& reference) {
@@ -34,7 +29,7 @@ void judge(const RawPose& raw, Assembly& assembly) {
   d.singular_values = raw.singular_values;
   const auto [s1, s2, s3] = raw.singular_values;
   d.rotation_gap = rotation_gap(raw);
-  if (!finite(assembly.T_reference_source)) {
+  if (!is_finite(assembly.T_reference_source)) {
     assembly.status = Status::failed;
     d.degenerate = true;
     d.reason = "a non-finite number appeared in the network";

@@ -13,12 +13,6 @@ namespace {
 // Inliers are closer than this many median neighbour distances.
 constexpr double spacing_factor = 2;
 
-std::vector<Vec3d> copy(const Vec3View& view) {
-  std::vector<Vec3d> points(view.count);
-  for (std::size_t i = 0; i < view.count; ++i) points[i] = view[i];
-  return points;
-}
-
 }  // namespace
 
 double diagonal(const Vec3View& points) {
@@ -35,7 +29,8 @@ double diagonal(const Vec3View& points) {
 
 void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu::ThreadPool& pool,
                      Diagnostics& diagnostics) {
-  const std::vector<Vec3d> source = copy(pair.source.positions), reference = copy(pair.reference.positions);
+  const std::vector<Vec3d> source = points_of(pair.source.positions),
+                           reference = points_of(pair.reference.positions);
   const PointRows source_rows{source}, reference_rows{reference};
   const PointTree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
   const double threshold = spacing_factor * std::max(refine::median_spacing(source_tree, source),

@@ -8,6 +8,12 @@
 
 namespace bitr {
 
+inline std::vector<Vec3d> points_of(const Vec3View& view) {
+  std::vector<Vec3d> points(view.count);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = view[i];
+  return points;
+}
+
 /// nanoflann's view of points, which must outlive it.
 struct PointRows {
   const std::vector<Vec3d>& points;

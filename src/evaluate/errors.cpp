@@ -5,16 +5,11 @@
 #include <numbers>
 #include <vector>
 
+#include "core/finite.hpp"
 #include "core/turn.hpp"
 
 namespace bitr {
 namespace {
-
-bool finite(const Pose& pose) {
-  const auto good = [](double value) { return std::isfinite(value); };
-  return std::all_of(pose.rotation.begin(), pose.rotation.end(), good) &&
-         std::all_of(pose.translation.begin(), pose.translation.end(), good);
-}
 
 /// About a unit axis through the origin.
 Pose turn_about(const Vec3d& axis, double angle) {
@@ -82,7 +77,7 @@ double object_diagonal(const DataSample& sample) {
 
 PoseErrors errors_of(const Pose& T_reference_source, const DataSample& sample) {
   const double diagonal = object_diagonal(sample);
-  if (!finite(T_reference_source))
+  if (!is_finite(T_reference_source))
     return {.rotation = 180, .translation = diagonal, .translation_fraction = 1, .failed = true};
   const Vec3d& origin = sample.T_source_object.translation;
   const Vec3d at = T_reference_source.apply(origin), expected = sample.T_reference_source.apply(origin);

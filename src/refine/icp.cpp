@@ -18,24 +18,6 @@ struct Match {
   }
 };
 
-/// The rigid motion with the least squares (Kabsch).
-Pose fit(const std::vector<Vec3d>& source, const std::vector<Vec3d>& reference,
-         const std::vector<Match>& matches, std::size_t count) {
-  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
-  for (std::size_t i = 0; i < count; ++i) {
-    from += vector(source[matches[i].source]);
-    to += vector(reference[matches[i].reference]);
-  }
-  from /= static_cast<double>(count);
-  to /= static_cast<double>(count);
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < count; ++i)
-    covariance += (vector(reference[matches[i].reference]) - to) *
-                  (vector(source[matches[i].source]) - from).transpose();
-  const Eigen::Matrix3d R = nearest_rotation(covariance);
-  return pose_of(R, to - R * from);
-}
-
 }  // namespace
 
 struct Icp::Index {
@@ -71,7 +53,10 @@ IcpResult Icp::align(const std::vector<Vec3d>& source, const Pose& start) const 
     double squares = 0;
     for (std::size_t i = 0; i < kept; ++i) squares += matches[i].squared;
     result.rmse = std::sqrt(squares / static_cast<double>(kept));
-    const Pose next = fit(source, index_->points, matches, kept);
+    const Pose next = fit(
+        kept, [](std::size_t) { return 1.0; },
+        [&](std::size_t i) { return vector(source[matches[i].source]); },
+        [&](std::size_t i) { return vector(index_->points[matches[i].reference]); });
     const double moved = absolute_change(next, result.T_reference_source);
     result.T_reference_source = next;
     result.converged = moved < options_.tolerance;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "api/guarded.hpp"
+#include "core/finite.hpp"
 #include "refine/icp.hpp"
 #include "refine/matching.hpp"
 #include "refine/score.hpp"
@@ -25,8 +26,6 @@ constexpr double least_near = 0.5;
 
 [[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
 
-bool finite(const Vec3d& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
-
 void check(const CloudView& cloud, const std::string& which) {
   const Vec3View &positions = cloud.positions, &normals = cloud.normals;
   if (positions.count < fewest_points)
@@ -36,9 +35,9 @@ void check(const CloudView& cloud, const std::string& which) {
     refuse(which + ": " + std::to_string(normals.count) + " normals for " + std::to_string(positions.count) +
            " points");
   for (std::size_t i = 0; i < positions.count; ++i)
-    if (!finite(positions[i])) refuse(which + ": point " + std::to_string(i) + " is not finite");
+    if (!is_finite(positions[i])) refuse(which + ": point " + std::to_string(i) + " is not finite");
   for (std::size_t i = 0; i < normals.count; ++i)
-    if (!finite(normals[i])) refuse(which + ": normal " + std::to_string(i) + " is not finite");
+    if (!is_finite(normals[i])) refuse(which + ": normal " + std::to_string(i) + " is not finite");
 }
 
 void check(const RefineOptions& options) {
@@ -63,12 +62,6 @@ Pose moved_by(const Vec3d& by, double sign) {
   Pose pose;
   for (int a = 0; a < 3; ++a) pose.translation[a] = sign * by[a];
   return pose;
-}
-
-std::vector<Vec3d> copied(const Vec3View& view) {
-  std::vector<Vec3d> points(view.count);
-  for (std::size_t i = 0; i < points.size(); ++i) points[i] = view[i];
-  return points;
 }
 
 template <class T>
@@ -128,11 +121,6 @@ class Refiner {
  private:
   Fit measured(const Pose& pose) const { return measure(source_, reference_, pose, oriented_, workers_); }
 
-  static bool is_finite(const Pose& pose) {
-    const auto matrix = pose.matrix();
-    return std::all_of(matrix.begin(), matrix.end(), [](double value) { return std::isfinite(value); });
-  }
-
   bool guarded_by_overlap() const {
     return options_.protocol == RefineProtocol::adaptive && options_.least_overlap > 0;
   }
@@ -176,8 +164,8 @@ class Refiner {
     IcpOptions options;
     options.keep = options_.keep.value_or(options.keep);
     options.most_iterations = options_.most_iterations.value_or(options.most_iterations);
-    const std::vector<Vec3d> source = copied(pair_.source.positions);
-    const IcpResult icp = Icp(copied(pair_.reference.positions), options).align(source, start);
+    const std::vector<Vec3d> source = points_of(pair_.source.positions);
+    const IcpResult icp = Icp(points_of(pair_.reference.positions), options).align(source, start);
     result.proposal = icp.T_reference_source;
     result.iterations = icp.iterations;
     result.converged = icp.converged;
@@ -199,8 +187,8 @@ class Refiner {
   void official_transport(const Pose& start, Refinement& result) {
     TransportStage stage;
     stage.most_iterations = options_.most_iterations.value_or(stage.most_iterations);
-    const std::vector<Vec3d> source = copied(pair_.source.positions),
-                             reference = copied(pair_.reference.positions);
+    const std::vector<Vec3d> source = points_of(pair_.source.positions),
+                             reference = points_of(pair_.reference.positions);
     keep(transport({source, {}}, {reference, {}}, start, {&stage, 1}, workers_), result);
     result.proposal = result.T_reference_source;
   }
@@ -264,9 +252,7 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
       const std::string which = name_of(i, pairs.size());
       check(pairs[i].source, which + "source");
       check(pairs[i].reference, which + "reference");
-      const auto matrix = starts[i].matrix();
-      if (!std::all_of(matrix.begin(), matrix.end(), [](double value) { return std::isfinite(value); }))
-        refuse(which + "the start is not finite");
+      if (!is_finite(starts[i])) refuse(which + "the start is not finite");
     }
     std::vector<Refinement> results(pairs.size());
     // One pair on all threads, or every thread with pairs of its own.

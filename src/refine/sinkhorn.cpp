@@ -191,25 +191,28 @@ int Sinkhorn::normalise(const Affinity& affinity, const SinkhornOptions& options
   return options.most_iterations;
 }
 
-double Sinkhorn::change_of_plan(const Eigen::ArrayXd& old_rows, const Eigen::ArrayXd& old_columns) const {
+template <class Visit>
+void Sinkhorn::for_each_row(const Visit& visit) const {
   const std::vector<double> maxima = block_maxima(reference_, v_);
-  const Eigen::ArrayXd factors = (old_columns - v_).exp();
-  Eigen::ArrayXd changes(u_.size());
   workers_.parallel_for(source_.size(), grain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row) {
       const auto i = static_cast<Eigen::Index>(row);
       const Point point = source_.rows().row(i).transpose();
-      const double factor = std::exp(old_rows[i] - u_[i]);
-      double sum = 0;
       for (std::size_t b = 0; b < maxima.size(); ++b) {
         const double near = squared_distance(point, reference_.low(b), reference_.high(b));
         if (maxima[b] + affinity_.beta * (affinity_.alpha - near) + u_[i] < -negligible) continue;
         const Segment plan = (log_terms(point, reference_, b, v_, affinity_) + u_[i]).exp();
-        const auto column = factors.segment(static_cast<Eigen::Index>(b) * block, plan.size());
-        sum += (plan * (factor * column - 1)).abs().sum();
+        visit(i, static_cast<Eigen::Index>(b) * block, plan);
       }
-      changes[i] = sum;
     }
+  });
+}
+
+double Sinkhorn::change_of_plan(const Eigen::ArrayXd& old_rows, const Eigen::ArrayXd& old_columns) const {
+  const Eigen::ArrayXd row_factors = (old_rows - u_).exp(), factors = (old_columns - v_).exp();
+  Eigen::ArrayXd changes = Eigen::ArrayXd::Zero(u_.size());
+  for_each_row([&](Eigen::Index i, Eigen::Index first, const Segment& plan) {
+    changes[i] += (plan * (row_factors[i] * factors.segment(first, plan.size()) - 1)).abs().sum();
   });
   return changes.sum();
 }
@@ -217,20 +220,10 @@ double Sinkhorn::change_of_plan(const Eigen::ArrayXd& old_rows, const Eigen::Arr
 void Sinkhorn::project(Eigen::ArrayXd& weights, Eigen::ArrayXXd& targets) const {
   weights.setZero(u_.size());
   targets.setZero(u_.size(), reference_.rows().cols());
-  const std::vector<double> maxima = block_maxima(reference_, v_);
-  workers_.parallel_for(source_.size(), grain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row) {
-      const auto i = static_cast<Eigen::Index>(row);
-      const Point point = source_.rows().row(i).transpose();
-      for (std::size_t b = 0; b < maxima.size(); ++b) {
-        const double near = squared_distance(point, reference_.low(b), reference_.high(b));
-        if (maxima[b] + affinity_.beta * (affinity_.alpha - near) + u_[i] < -negligible) continue;
-        const Segment plan = (log_terms(point, reference_, b, v_, affinity_) + u_[i]).exp();
-        const auto rows = reference_.rows().middleRows(static_cast<Eigen::Index>(b) * block, plan.size());
-        weights[i] += plan.sum();
-        for (Eigen::Index c = 0; c < rows.cols(); ++c) targets(i, c) += (plan * rows.col(c)).sum();
-      }
-    }
+  for_each_row([&](Eigen::Index i, Eigen::Index first, const Segment& plan) {
+    const auto rows = reference_.rows().middleRows(first, plan.size());
+    weights[i] += plan.sum();
+    for (Eigen::Index c = 0; c < rows.cols(); ++c) targets(i, c) += (plan * rows.col(c)).sum();
   });
 }
 

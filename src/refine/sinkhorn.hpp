@@ -71,6 +71,9 @@ class Sinkhorn {
   std::size_t bytes() const;
 
  private:
+  /// visit(row, first column, P of the row in a block), for the blocks that matter.
+  template <class Visit>
+  void for_each_row(const Visit& visit) const;
   double change_of_plan(const Eigen::ArrayXd& old_rows, const Eigen::ArrayXd& old_columns) const;
 
   Workers workers_;

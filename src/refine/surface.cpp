@@ -18,11 +18,9 @@ Vec3d mean(const Vec3View& positions) {
 }
 
 std::vector<Vec3d> centred(const Vec3View& positions, const Vec3d& centroid) {
-  std::vector<Vec3d> points(positions.count);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    points[i] = positions[i];
-    for (int a = 0; a < 3; ++a) points[i][a] -= centroid[a];
-  }
+  std::vector<Vec3d> points = points_of(positions);
+  for (Vec3d& point : points)
+    for (int a = 0; a < 3; ++a) point[a] -= centroid[a];
   return points;
 }
 
@@ -31,11 +29,10 @@ std::vector<Vec3d> centred(const Vec3View& positions, const Vec3d& centroid) {
 Surface::Surface(const CloudView& cloud)
     : centroid(mean(cloud.positions)),
       points(centred(cloud.positions, centroid)),
+      normals(points_of(cloud.normals)),
       tree(3, rows, {10}),
       spacing(median_spacing(tree, points)),
       tree_bytes(tree.usedMemory(tree)) {
-  normals.resize(cloud.normals.count);
-  for (std::size_t i = 0; i < normals.size(); ++i) normals[i] = cloud.normals[i];
   const std::size_t asked = std::min(points.size(), most_asked);
   some.resize(asked);
   for (std::size_t i = 0; i < asked; ++i) some[i] = static_cast<std::uint32_t>(i * points.size() / asked);

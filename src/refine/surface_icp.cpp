@@ -133,21 +133,10 @@ class Aligner {
   }
 
   Pose point_step() const {
-    Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = from;
-    double total = 0;
-    for (std::size_t i = 0; i < matches_.size(); ++i) {
-      from += weights_[i] * matches_[i].source;
-      to += weights_[i] * matches_[i].reference;
-      total += weights_[i];
-    }
-    if (!(total > 0)) return {};
-    from /= total;
-    to /= total;
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-    for (std::size_t i = 0; i < matches_.size(); ++i)
-      covariance += weights_[i] * (matches_[i].reference - to) * (matches_[i].source - from).transpose();
-    const Eigen::Matrix3d R = nearest_rotation(covariance);
-    return pose_of(R, to - R * from);
+    return fit(
+        matches_.size(), [&](std::size_t i) { return weights_[i]; },
+        [&](std::size_t i) -> const Eigen::Vector3d& { return matches_[i].source; },
+        [&](std::size_t i) -> const Eigen::Vector3d& { return matches_[i].reference; });
   }
 
   Pose plane_step() const {

@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "core/failure.hpp"
+#include "core/hash.hpp"
 #include "vk/device.hpp"
 
 namespace bitr::vk {
@@ -24,12 +25,6 @@ struct DriverHeader {
   std::uint32_t size, version, vendor, device;
   std::uint8_t uuid[VK_UUID_SIZE];
 };
-
-std::uint64_t fnv1a(std::span<const std::byte> bytes) {
-  std::uint64_t hash = 14695981039346656037ull;
-  for (std::byte b : bytes) hash = (hash ^ std::to_integer<std::uint64_t>(b)) * 1099511628211ull;
-  return hash;
-}
 
 }  // namespace
 
