@@ -21,10 +21,10 @@ namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, output, image, json, model, truth;
-  bool complete_match = false, strict = false, verify = false;
+  std::string source, reference, output, image, json, truth;
+  bool strict = false, verify = false;
+  ModelOptions model;
   CloudOptions clouds;
-  std::uint64_t model_seed = 0;
   RefineChoice refine;
   RunOptions run;
 };
@@ -39,18 +39,17 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+// The default model cannot read clouds without normals.
 Result<Model> choose_model(Options& options, const CloudInput& source, const CloudInput& reference) {
-  if (!options.model.empty()) return find_model(options.model);
-  if (!options.complete_match) {
-    auto model = default_model();
-    const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();
-    if (!model || normals || !model->config().return_normals) return model;
-    warn("the default model reads normals, and " + (source.cloud.normals.empty() ? source : reference).path +
-         " has none: falling back to complete matching with untrained weights, which is exact when the "
-         "reference is a moved copy of the source and has no answer otherwise");
-  }
-  options.complete_match = true;
-  return untrained_model({}, options.model_seed);
+  auto model = tool::choose_model(options.model);
+  if (!model || !options.model.model.empty() || options.model.complete_match) return model;
+  const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();
+  if (normals || !model->config().return_normals) return model;
+  warn("the default model reads normals, and " + (source.cloud.normals.empty() ? source : reference).path +
+       " has none: falling back to complete matching with untrained weights, which is exact when the "
+       "reference is a moved copy of the source and has no answer otherwise");
+  options.model.complete_match = true;
+  return tool::choose_model(options.model);
 }
 
 void warn_of_few_points(const CloudInput& input, const Model& model) {
@@ -61,7 +60,8 @@ void warn_of_few_points(const CloudInput& input, const Model& model) {
 }
 
 Result<void> check_outputs(const Options& options) {
-  const std::vector<std::string> inputs = {options.source, options.reference, options.model, options.truth};
+  const std::vector<std::string> inputs = {options.source, options.reference, options.model.model,
+                                           options.truth};
   if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
   if (auto checked = check_output("--image", options.image, inputs); !checked) return checked;
   if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
@@ -129,7 +129,7 @@ int run(Options& options) {
   const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
   const CloudPair pair = {source->used, reference->used};
   const AssembleOptions how = {
-      .complete_match = options.complete_match, .diagnostics = true, .swap_residual = true};
+      .complete_match = options.model.complete_match, .diagnostics = true, .swap_residual = true};
   const auto device = open_device(options.run);
   if (!device) return complain(device.error());
   auto plan = make_plan(**device, *model, shape_of({&pair, 1}), options.run.plan);
@@ -140,7 +140,7 @@ int run(Options& options) {
 
   AssemblyReport report{.assembly = std::move(assemblies->front()),
                         .plan = *plan,
-                        .complete_match = options.complete_match,
+                        .complete_match = options.model.complete_match,
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
@@ -181,7 +181,7 @@ int run(Options& options) {
     if (options.strict) return complain(run_failed, what + "; nothing was written");
     warn(what);
   }
-  if (options.complete_match && assembly.diagnostics.overlap.value_or(1) < 0.9)
+  if (options.model.complete_match && assembly.diagnostics.overlap.value_or(1) < 0.9)
     warn(which +
          "the pose leaves much of the source off the reference, so this is no moved copy and complete "
          "matching has no answer for it");
@@ -202,14 +202,8 @@ Command add_assemble(CLI::App& root) {
   app->add_option("--image", options->image, "Draw both clouds, before and after, to this PNG file")
       ->type_name("FILE");
   add_json(*app, options->json);
-  auto* model = add_model(*app, options->model, "unless given, the first of them");
-  app->add_flag("--complete-match", options->complete_match,
-                "For a reference that is a moved copy of the source; needs no trained model");
-  add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
-      ->excludes(model);
+  add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
-  add_mode(*app, options->run.plan.mode,
-           "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
   add_run_options(*app, options->run);
   add_choice<std::optional<RefineMethod>>(
       *app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},

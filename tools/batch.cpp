@@ -33,9 +33,10 @@ struct Shard {
 };
 
 struct Options {
-  std::string manifest, folder, model;
-  bool resume = false, complete_match = false, strict = false, assembled = false;
-  std::uint64_t pairs = 16, model_seed = 0;
+  std::string manifest, folder;
+  ModelOptions model;
+  bool resume = false, strict = false, assembled = false;
+  std::uint64_t pairs = 16;
   Shard shard;
   CloudOptions clouds;
   RunOptions run;
@@ -175,8 +176,9 @@ class Assembler {
       if (!plan) return tl::unexpected(plan.error());
       plan_ = std::make_unique<Plan>(std::move(*plan));
     }
-    return assemble(*plan_, pairs,
-                    {.complete_match = options_.complete_match, .diagnostics = true, .swap_residual = false});
+    return assemble(
+        *plan_, pairs,
+        {.complete_match = options_.model.complete_match, .diagnostics = true, .swap_residual = false});
   }
 
   const Options& options_;
@@ -225,11 +227,6 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, BatchRe
   results.append(lines);
 }
 
-Result<Model> choose_model(const Options& options) {
-  if (!options.model.empty()) return find_model(options.model);
-  return options.complete_match ? untrained_model({}, options.model_seed) : default_model();
-}
-
 // What results depend on.
 Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
   char hash[17];
@@ -238,7 +235,7 @@ Json settings_of(const Options& options, const Model& model, const ManifestSumma
           {"manifest_fingerprint", hash},
           {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
           {"model", model.name()},
-          {"complete_match", options.complete_match},
+          {"complete_match", options.model.complete_match},
           {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
           {"precision", precision_name(options.run.plan.precision)},
           {"as_defined", options.run.plan.as_defined},
@@ -300,7 +297,7 @@ Result<std::string> results_file(const Options& options) {
 }
 
 int run_checked(Options& options) {
-  const auto model = choose_model(options);
+  const auto model = choose_model(options.model);
   if (!model) return complain(model.error());
   const auto summary = summarise_manifest(options.manifest);
   if (!summary) return complain(summary.error());
@@ -380,14 +377,8 @@ Command add_batch(CLI::App& root) {
   app->add_flag("--assembled", options->assembled,
                 "Also write every pair, assembled, to DIR/pair_NUMBER.ply");
   add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs that go to the device at once");
-  auto* model = add_model(*app, options->model, "unless given, the first of them");
-  app->add_flag("--complete-match", options->complete_match,
-                "For references that are moved copies of the sources; needs no trained model");
-  add_seed(*app, "--model-seed", options->model_seed, "Seed of the untrained weights, without --model")
-      ->excludes(model);
+  add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
-  add_mode(*app, options->run.plan.mode,
-           "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
   add_run_options(*app, options->run);
   app->remove_option(app->get_option("--profile"));  // of one assemble()
   app->add_flag("--strict", options->strict, "Fail in the end when the pose of a pair is not determined");
