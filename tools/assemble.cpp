@@ -3,7 +3,6 @@
 #include <bitr/io.hpp>
 #include <bitr/picture.hpp>
 #include <chrono>
-#include <filesystem>
 #include <memory>
 
 #include "api/plan.hpp"
@@ -60,57 +59,36 @@ void warn_of_few_points(const CloudInput& input, const Model& model) {
 }
 
 Result<void> check_outputs(const Options& options) {
-  const std::vector<std::string> inputs = {options.source, options.reference, options.model.model,
-                                           options.truth};
-  if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
-  if (auto checked = check_output("--image", options.image, inputs); !checked) return checked;
-  if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
-  if (auto checked = check_profile(options.run, inputs, {options.output, options.image, options.json});
-      !checked)
-    return checked;
-  if (!options.output.empty() && options.output == options.json)
-    return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
-  if (options.image == "-") return fail(ErrorCode::invalid_argument, "--image -: a picture needs a file");
-  for (const auto& [option, path] : {std::pair("--output", options.output), {"--json", options.json}})
-    if (!path.empty() && options.image == path)
-      return fail(ErrorCode::invalid_argument, "--image " + path + ": is the file of " + option + " too");
-  if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
-  return {};
+  return tool::check_outputs({{"--output", options.output, "a cloud"},
+                              {"--json", options.json},
+                              {"--image", options.image, "a picture"},
+                              profile_output(options.run)},
+                             {options.source, options.reference, options.model.model, options.truth});
 }
 
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
-  Result<void> written;
-  std::vector<std::string> made;  // taken back when a later one fails
-  const auto write = [&](const std::string& path, const auto& how) {
-    if (!written || path.empty()) return;
-    written = how(path);
-    if (written) made.push_back(path);
-  };
   const Assembly& assembly = report.assembly;
-  write(options.output, [&](const std::string& path) {
+  const auto cloud = [&](const std::string& path) {
     return io::write_ply(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
-  });
-  write(options.image, [&](const std::string& path) {
+  };
+  const auto image = [&](const std::string& path) {
     return write_picture(path, source.cloud, reference.cloud, assembly);
-  });
-  write(options.json, [&](const std::string& path) { return write_json(path, to_json(report)); });
-  std::error_code ignored;
-  for (const std::string& path : made)
-    if (!written && std::filesystem::is_regular_file(path, ignored)) std::filesystem::remove(path, ignored);
-  return written;
+  };
+  const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
+  const auto profile = [&](const std::string&) { return write_profile(options.run, report.plan); };
+  return write_files({{options.output, cloud},
+                      {options.image, image},
+                      {options.run.profile, profile},
+                      {options.json, json}});
 }
 
 int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   const auto refinement = refine_options(options.refine, RefineProtocol::adaptive);
   if (!refinement) return complain(refinement.error());
-  std::optional<Pose> truth;
-  if (!options.truth.empty()) {
-    const auto read = read_pose(options.truth);
-    if (!read) return complain(read.error());
-    truth = *read;
-  }
+  const auto truth = read_optional_pose(options.truth);
+  if (!truth) return complain(truth.error());
 
   show_progress("reading");
   const Stopwatch total;
@@ -144,7 +122,7 @@ int run(Options& options) {
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
-                        .truth = truth};
+                        .truth = *truth};
   if (options.refine.method && report.assembly.status != Status::failed) {
     show_progress("refining");
     // On all of the points, of which the network may have seen some.
@@ -185,8 +163,7 @@ int run(Options& options) {
     warn(which +
          "the pose leaves much of the source off the reference, so this is no moved copy and complete "
          "matching has no answer for it");
-  auto written = write_outputs(options, *source, *reference, report);
-  if (written) written = write_profile(options.run, *plan);
+  const auto written = write_outputs(options, *source, *reference, report);
   return written ? done : complain(written.error());
 }
 

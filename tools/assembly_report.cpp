@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "options.hpp"
+#include "pose_file.hpp"
 #include "refinement.hpp"
 
 namespace bitr::tool {
@@ -65,11 +66,7 @@ bool within_bounds(const AssemblyReport& report) {
 }
 
 void print(const AssemblyReport& report, std::FILE* out) {
-  const auto matrix = report.assembly.T_reference_source.matrix();
-  std::fprintf(out, "T_reference_source\n");
-  for (int row = 0; row < 4; ++row)
-    std::fprintf(out, "  %15.9g %15.9g %15.9g %15.9g\n", matrix[4 * row], matrix[4 * row + 1],
-                 matrix[4 * row + 2], matrix[4 * row + 3]);
+  print_matrix(report.assembly.T_reference_source, out);
   const Plan& plan = report.plan;
   std::fprintf(out, "points      source %zu, reference %zu\n", report.source_points, report.reference_points);
   std::fprintf(out, "model       %s, %s, %s%s%s\n", plan.model().name().c_str(),
@@ -90,33 +87,29 @@ void print(const AssemblyReport& report, std::FILE* out) {
 
 Json to_json(const AssemblyReport& report) {
   const Pose& pose = report.assembly.T_reference_source;
-  const auto& r = pose.rotation;
   Json timing = {{"total", report.total_milliseconds}};
   for (const StageTime& stage : report.timings) {
     const std::string key = stage.stage == "graph.index" ? "knn" : stage.stage;
     timing[key] = timing.value(key, 0.0) + stage.milliseconds;
   }
 
-  Json json = {
-      {"transform", matrix_json(pose)},
-      {"rotation", {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}}},
-      {"translation", pose.translation},
-      {"model", report.plan.model().name()},
-      {"trained", report.plan.model().trained()},
-      {"complete_match", report.complete_match},
-      {"backend", name(report.plan.device().backend())},
-      {"device", report.plan.device().name()},
-      {"precision", precision_name(report.plan.options().precision)},
-      {"as_defined", report.plan.options().as_defined},
-      {"mode", mode_name(report.plan.mode())},
-      {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
-      {"key_points",
-       {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
-      {"diagnostics", diagnostics_json(report.assembly)},
-      {"refinement", report.refinement ? to_json(*report.refinement, report.refine_options) : Json(nullptr)}};
-  if (report.truth)
-    json["errors"] = {{"rotation_degrees", rotation_error_degrees(pose, *report.truth)},
-                      {"translation", translation_error(pose, *report.truth)}};
+  Json json = pose_json(pose);
+  json.update(
+      {{"model", report.plan.model().name()},
+       {"trained", report.plan.model().trained()},
+       {"complete_match", report.complete_match},
+       {"backend", name(report.plan.device().backend())},
+       {"device", report.plan.device().name()},
+       {"precision", precision_name(report.plan.options().precision)},
+       {"as_defined", report.plan.options().as_defined},
+       {"mode", mode_name(report.plan.mode())},
+       {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
+       {"key_points",
+        {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
+       {"diagnostics", diagnostics_json(report.assembly)},
+       {"refinement",
+        report.refinement ? to_json(*report.refinement, report.refine_options) : Json(nullptr)}});
+  if (report.truth) json["errors"] = errors_json(pose, *report.truth);
   if (!report.verification.empty()) {
     Json stages = Json::array();
     for (const StageDifference& stage : report.verification)

@@ -93,12 +93,9 @@ class Jobs {
 
  private:
   void read(Job& job) const {
-    job.truth = job.entry.pose;
-    if (!job.entry.truth.empty()) {
-      const auto pose = read_pose(job.entry.truth);
-      if (!pose) return void(job.problem = pose.error().message);
-      job.truth = *pose;
-    }
+    const auto truth = read_optional_pose(job.entry.truth);
+    if (!truth) return void(job.problem = truth.error().message);
+    job.truth = *truth ? *truth : job.entry.pose;
     for (const auto& [path, input] :
          {std::pair(&job.entry.source, &job.source), {&job.entry.reference, &job.reference}}) {
       auto made = read_input(*path, options_.clouds);
@@ -204,9 +201,7 @@ Json line_of(const Outcome& outcome) {
   line["transform"] = matrix_json(assembly.T_reference_source);
   line["points"] = {{"source", job.source->used.size()}, {"reference", job.reference->used.size()}};
   line["diagnostics"] = diagnostics_json(assembly);
-  if (job.truth)
-    line["errors"] = {{"rotation_degrees", rotation_error_degrees(assembly.T_reference_source, *job.truth)},
-                      {"translation", translation_error(assembly.T_reference_source, *job.truth)}};
+  if (job.truth) line["errors"] = errors_json(assembly.T_reference_source, *job.truth);
   return line;
 }
 

@@ -89,9 +89,9 @@ void print(const Json& json) {
 
 int run(Options& options) {
   if (!options.model_forward) return complain(bad_usage, "bench: nothing chosen; give --model-forward");
-  if (const auto checked = check_output("--json", options.json); !checked) return complain(checked.error());
-  if (const auto checked = check_profile(options.run, {options.model}, {options.json}); !checked)
-    return complain(checked.error());
+  const auto checked =
+      check_outputs({{"--json", options.json}, profile_output(options.run)}, {options.model});
+  if (!checked) return complain(checked.error());
   options.run.plan.mode = options.mode;
   const auto model = options.model.empty() ? untrained_model() : find_model(options.model);
   if (!model) return complain(model.error());

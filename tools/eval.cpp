@@ -371,10 +371,9 @@ Command add_eval(CLI::App& root) {
       "and 15° with 0.3; a flip is Δr > 135°.\n"
       "Controls: identity moves nothing; complete-match takes the untrained network for copies; pca-icp\n"
       "joins centroids and principal axes in four ways, follows each with ICP, and takes the best fit.\n"
-      "icp and ot refine as bitr refine --protocol default does, trimmed-icp is plain ICP on positions. It "
-      "and\n"
-      "pca-icp keep (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent ones,\n"
-      "0.8 for copies, 0.2 otherwise.\n"
+      "icp and ot refine as bitr refine --protocol default does, trimmed-icp is plain ICP on positions. It\n"
+      "and pca-icp keep (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent\n"
+      "ones, 0.8 for copies, 0.2 otherwise.\n"
       "Protocols:\n" +
       explained +
       "\nExamples:\n"

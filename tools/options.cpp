@@ -1,11 +1,8 @@
 #include "options.hpp"
 
-#include <algorithm>
 #include <bitr/io.hpp>
 #include <charconv>
 #include <limits>
-
-#include "output.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -103,15 +100,7 @@ Result<OpenDevice> open_device(const RunOptions& options) {
   return open_device(options.device, options.plan.precision == Precision::f64 || options.plan.as_defined);
 }
 
-Result<void> check_profile(const RunOptions& options, const std::vector<std::string>& inputs,
-                           const std::vector<std::string>& outputs) {
-  if (options.profile.empty()) return {};
-  if (options.profile == "-") return fail(ErrorCode::invalid_argument, "--profile -: a trace needs a file");
-  if (std::find(outputs.begin(), outputs.end(), options.profile) != outputs.end())
-    return fail(ErrorCode::invalid_argument,
-                "--profile " + options.profile + ": is the file of another output too");
-  return check_output("--profile", options.profile, inputs);
-}
+OutputFile profile_output(const RunOptions& options) { return {"--profile", options.profile, "a trace"}; }
 
 Result<void> write_profile(const RunOptions& options, const Plan& plan) {
   if (options.profile.empty()) return {};

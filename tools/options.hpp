@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "device_choice.hpp"
+#include "output.hpp"
 
 namespace bitr::tool {
 
@@ -63,9 +64,8 @@ struct RunOptions {
 };
 void add_run_options(CLI::App& app, RunOptions& options);
 Result<OpenDevice> open_device(const RunOptions& options);
-/// Of --profile, as check_output; a trace needs a file that is no other output.
-Result<void> check_profile(const RunOptions& options, const std::vector<std::string>& inputs,
-                           const std::vector<std::string>& outputs);
+/// Of --profile, for check_outputs.
+OutputFile profile_output(const RunOptions& options);
 /// The plan's last assemble(), if --profile was given.
 Result<void> write_profile(const RunOptions& options, const Plan& plan);
 std::string_view precision_name(Precision precision);

@@ -21,6 +21,17 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
+// Of files that need not be there yet, in folders that are.
+bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  std::error_code error;
+  if (a.empty() || b.empty()) return false;
+  if (a == b || std::filesystem::equivalent(a, b, error)) return true;
+  const auto folder = [](const std::filesystem::path& path) {
+    return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  };
+  return a.filename() == b.filename() && std::filesystem::equivalent(folder(a), folder(b), error);
+}
+
 int exit_status(ErrorCode code) {
   return code == ErrorCode::internal || code == ErrorCode::device_lost ? run_failed : bad_usage;
 }
@@ -67,6 +78,34 @@ Result<void> check_output(std::string_view option, const std::string& path,
   if (std::filesystem::is_directory(path, error)) return refuse("is a folder");
   for (const std::string& input : inputs)
     if (std::filesystem::equivalent(path, input, error)) return refuse("would replace an input");
+  return {};
+}
+
+Result<void> check_outputs(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs) {
+  for (auto file = files.begin(); file != files.end(); ++file) {
+    if (file->path.empty()) continue;
+    const auto refuse = [&](std::string_view why, std::string_view what, std::string_view rest) {
+      return fail(ErrorCode::invalid_argument, std::string(file->option) + " " + file->path + ": " +
+                                                   std::string(why) + std::string(what) + std::string(rest));
+    };
+    if (file->path == "-" && !file->what.empty()) return refuse("", file->what, " needs a file");
+    if (auto checked = check_output(file->option, file->path, inputs); !checked) return checked;
+    for (auto other = files.begin(); other != file; ++other)
+      if (same_file(other->path, file->path)) return refuse("is the file of ", other->option, " too");
+  }
+  return {};
+}
+
+Result<void> write_files(const std::vector<FileWriter>& files) {
+  for (auto file = files.begin(); file != files.end(); ++file) {
+    if (file->path.empty()) continue;
+    const auto written = file->write(file->path);
+    if (written) continue;
+    std::error_code ignored;
+    for (auto made = files.begin(); made != file; ++made)
+      if (std::filesystem::is_regular_file(made->path, ignored)) std::filesystem::remove(made->path, ignored);
+    return written;
+  }
   return {};
 }
 

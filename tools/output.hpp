@@ -4,6 +4,7 @@
 #include <bitr/pose.hpp>
 #include <bitr/result.hpp>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -28,6 +29,24 @@ void clear_progress();
 /// Found out before the work rather than after it. An empty path and "-" pass.
 Result<void> check_output(std::string_view option, const std::string& path,
                           const std::vector<std::string>& inputs = {});
+
+/// What an option asks to be written; an empty path asks for nothing.
+struct OutputFile {
+  std::string_view option;
+  std::string path;
+  std::string_view what = {};  ///< "a cloud", which needs a file; empty: "-" is standard output
+};
+/// check_output of each, and no two of them the same file.
+Result<void> check_outputs(const std::vector<OutputFile>& files, const std::vector<std::string>& inputs);
+
+/// A file and how it is written there; an empty path is passed over.
+struct FileWriter {
+  std::string path;
+  std::function<Result<void>(const std::string& path)> write;
+};
+/// One after the other. When one fails, those before it are taken back: half of what was asked for is nothing
+/// to go on with. What is no regular file stays.
+Result<void> write_files(const std::vector<FileWriter>& files);
 
 /// To the file, or to standard output when `path` is "-".
 Result<void> write_json(const std::string& path, const Json& json);

@@ -37,6 +37,13 @@ Result<Pose> read_pose(const std::string& path) {
   return parse_pose(*matrix, path + ": \"" + matrix.key() + "\"");
 }
 
+Result<std::optional<Pose>> read_optional_pose(const std::string& path) {
+  if (path.empty()) return std::nullopt;
+  const auto pose = read_pose(path);
+  if (!pose) return tl::unexpected(pose.error());
+  return *pose;
+}
+
 Result<Pose> parse_pose(const Json& matrix, const std::string& name) {
   const auto refuse = [&](const std::string& why) { return fail(ErrorCode::bad_file, name + why); };
   std::array<double, 16> entries{};
@@ -61,6 +68,26 @@ Result<Pose> parse_pose(const Json& matrix, const std::string& name) {
   if (!is_rotation(pose.rotation) || !last_row)
     return refuse(" is no rigid motion: R must be a rotation to 1e-6, the last row 0 0 0 1");
   return pose;
+}
+
+void print_matrix(const Pose& T_reference_source, std::FILE* out) {
+  const auto matrix = T_reference_source.matrix();
+  std::fprintf(out, "T_reference_source\n");
+  for (int row = 0; row < 4; ++row)
+    std::fprintf(out, "  %15.9g %15.9g %15.9g %15.9g\n", matrix[4 * row], matrix[4 * row + 1],
+                 matrix[4 * row + 2], matrix[4 * row + 3]);
+}
+
+Json pose_json(const Pose& pose) {
+  const auto& r = pose.rotation;
+  return {{"transform", matrix_json(pose)},
+          {"rotation", {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}}},
+          {"translation", pose.translation}};
+}
+
+Json errors_json(const Pose& pose, const Pose& truth) {
+  return {{"rotation_degrees", rotation_error_degrees(pose, truth)},
+          {"translation", translation_error(pose, truth)}};
 }
 
 }  // namespace bitr::tool

@@ -2,9 +2,9 @@
 #include <bitr/io.hpp>
 #include <bitr/refine.hpp>
 #include <chrono>
-#include <filesystem>
 #include <memory>
 
+#include "cloud_input.hpp"
 #include "command.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
@@ -18,37 +18,28 @@ namespace {
 struct Options {
   std::string source, reference, pose = "identity", output, json, truth;
   RefineChoice choice;
-  std::optional<std::uint64_t> points;
-  std::uint64_t seed = 0, threads = 0;
+  CloudOptions clouds;
+  std::uint64_t threads = 0;
+
+  /// The start's file; empty: the identity.
+  std::string start() const { return pose == "identity" ? "" : pose; }
 };
 
-Result<PointCloud> read(const std::string& path, const Options& options) {
-  io::ReadOptions how;
-  how.seed = options.seed;
-  how.mesh_points = options.points.value_or(how.mesh_points);
-  auto cloud = io::read_cloud(path, how);
-  if (cloud && options.points) *cloud = io::subsample(*cloud, *options.points, options.seed);
-  return cloud;
+Result<PointCloud> read(const std::string& path, const CloudOptions& options) {
+  auto input = read_input(path, options);
+  if (!input) return tl::unexpected(input.error());
+  return options.points ? io::subsample(input->cloud, *options.points, options.seed)
+                        : std::move(input->cloud);
 }
 
 Result<void> check_outputs(const Options& options) {
-  std::vector<std::string> inputs = {options.source, options.reference, options.truth};
-  if (options.pose != "identity") inputs.push_back(options.pose);
-  if (auto checked = check_output("--output", options.output, inputs); !checked) return checked;
-  if (auto checked = check_output("--json", options.json, inputs); !checked) return checked;
-  if (options.output == "-") return fail(ErrorCode::invalid_argument, "--output -: a cloud needs a file");
-  if (!options.output.empty() && options.output == options.json)
-    return fail(ErrorCode::invalid_argument, "--json " + options.json + ": is the file of --output too");
-  return {};
+  return tool::check_outputs({{"--output", options.output, "a cloud"}, {"--json", options.json}},
+                             {options.source, options.reference, options.truth, options.start()});
 }
 
 void print_result(const Refinement& result, const RefineOptions& how, const std::optional<Pose>& truth,
                   std::FILE* out) {
-  const auto matrix = result.T_reference_source.matrix();
-  std::fprintf(out, "T_reference_source\n");
-  for (int row = 0; row < 4; ++row)
-    std::fprintf(out, "  %15.9g %15.9g %15.9g %15.9g\n", matrix[4 * row], matrix[4 * row + 1],
-                 matrix[4 * row + 2], matrix[4 * row + 3]);
+  print_matrix(result.T_reference_source, out);
   print(result, how, out);
   if (truth)
     std::fprintf(out, "error       rotation %.3g → %.3g degrees, translation %.3g → %.3g\n",
@@ -63,20 +54,14 @@ Json result_json(const Options& options, const Refinement& result, const RefineO
                  const CloudPair& pair, const Device& device, const std::optional<Pose>& truth,
                  double milliseconds) {
   const Pose& pose = result.T_reference_source;
-  const auto& r = pose.rotation;
-  Json json = {
-      {"source", options.source},
-      {"reference", options.reference},
-      {"transform", matrix_json(pose)},
-      {"rotation", {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}}},
-      {"translation", pose.translation},
-      {"backend", "cpu"},
-      {"device", device.name()},
-      {"points", {{"source", pair.source.positions.count}, {"reference", pair.reference.positions.count}}},
-      {"refinement", to_json(result, how)}};
-  if (truth)
-    json["errors"] = {{"rotation_degrees", rotation_error_degrees(pose, *truth)},
-                      {"translation", translation_error(pose, *truth)}};
+  Json json = {{"source", options.source}, {"reference", options.reference}};
+  json.update(pose_json(pose));
+  json.update(
+      {{"backend", "cpu"},
+       {"device", device.name()},
+       {"points", {{"source", pair.source.positions.count}, {"reference", pair.reference.positions.count}}},
+       {"refinement", to_json(result, how)}});
+  if (truth) json["errors"] = errors_json(pose, *truth);
   json["timing_ms"] = {{"total", milliseconds}};
   return json;
 }
@@ -85,24 +70,17 @@ int run(const Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   const auto how = refine_options(options.choice, RefineProtocol::official);
   if (!how) return complain(how.error());
-  Pose start;
-  if (options.pose != "identity") {
-    const auto read = read_pose(options.pose);
-    if (!read) return complain(read.error());
-    start = *read;
-  }
-  std::optional<Pose> truth;
-  if (!options.truth.empty()) {
-    const auto read = read_pose(options.truth);
-    if (!read) return complain(read.error());
-    truth = *read;
-  }
+  const auto given = read_optional_pose(options.start());
+  if (!given) return complain(given.error());
+  const Pose start = given->value_or(Pose{});
+  const auto truth = read_optional_pose(options.truth);
+  if (!truth) return complain(truth.error());
 
   show_progress("reading");
   const auto begin = std::chrono::steady_clock::now();
-  const auto source = read(options.source, options);
+  const auto source = read(options.source, options.clouds);
   if (!source) return complain(source.error());
-  const auto reference = read(options.reference, options);
+  const auto reference = read(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
 
   show_progress("refining");
@@ -115,20 +93,15 @@ int run(const Options& options) {
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
   clear_progress();
 
-  print_result(result, *how, truth, options.json == "-" ? stderr : stdout);
-  if (!options.output.empty()) {
-    const auto written =
-        io::write_ply(options.output, joined_cloud(*source, *reference, result.T_reference_source));
-    if (!written) return complain(written.error());
-  }
-  if (options.json.empty()) return done;
-  const auto written =
-      write_json(options.json, result_json(options, result, *how, pair, device, truth, elapsed.count()));
-  if (written) return done;
-  // Half of what was asked for is nothing to go on with.
-  std::error_code ignored;
-  if (!options.output.empty()) std::filesystem::remove(options.output, ignored);
-  return complain(written.error());
+  print_result(result, *how, *truth, options.json == "-" ? stderr : stdout);
+  const auto cloud = [&](const std::string& path) {
+    return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));
+  };
+  const auto json = [&](const std::string& path) {
+    return write_json(path, result_json(options, result, *how, pair, device, *truth, elapsed.count()));
+  };
+  const auto written = write_files({{options.output, cloud}, {options.json, json}});
+  return written ? done : complain(written.error());
 }
 
 }  // namespace
@@ -151,9 +124,9 @@ Command add_refine(CLI::App& root) {
   add_json(*app, options->json);
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
       ->type_name("FILE");
-  add_count(*app, "--points", options->points, 1, most_points,
+  add_count(*app, "--points", options->clouds.points, 1, most_points,
             "Points to sample from a mesh (2048 unless given), and the most to use of a cloud");
-  add_seed(*app, "--seed", options->seed, "Seed of that sampling");
+  add_seed(*app, "--seed", options->clouds.seed, "Seed of that sampling");
   add_count(*app, "--threads", options->threads, 0, 1024, "CPU threads; 0: every core");
   app->footer(
       "The pose with the better score is kept: 1 - min(1, (d/τ)² + |n - n'|²), averaged over the points of\n"

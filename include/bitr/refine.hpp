@@ -22,8 +22,7 @@ enum class RefineMethod : std::uint8_t {
 
 enum class RefineProtocol : std::uint8_t {
   /// This library's own: thresholds are multiples of the clouds' spacing, what has a counterpart is
-  /// estimated,
-  /// normals are used when both clouds have them. Nothing depends on units or frames.
+  /// estimated, normals are used when both clouds have them. Nothing depends on units or frames.
   adaptive,
   /// The official code's constants and stopping rules, which suit clouds of about unit size near the origin;
   /// positions only.
@@ -40,8 +39,8 @@ struct RefineOptions {
   /// Refinement::overlap), there is nothing to refine on and the start is returned: clouds that only meet
   /// would be pulled over one another. The same when the overlap is won on the way. 0 … 1; 0: never.
   double least_overlap = 0.2;
-  std::optional<int> most_iterations =
-      {};  ///< 1 … 100,000; of transport, of each stage; empty: the protocol's
+  /// 1 … 100,000; of transport, of each stage; empty: the protocol's.
+  std::optional<int> most_iterations = {};
 };
 
 /// "icp", "ot".
@@ -51,11 +50,11 @@ std::string_view name(RefineProtocol protocol);
 
 struct Refinement {
   Pose start;
-  Pose T_reference_source;  ///< the better of start and proposal by their scores; the start when they are
-                            ///< equal
-  bool improved = false;    ///< it is the proposal
-  std::string reason;       ///< why it is not; empty when it is
-  Pose proposal;            ///< what the method ended with; the start when it was not run
+  /// The better of start and proposal by their scores; the start when they are equal.
+  Pose T_reference_source;
+  bool improved = false;  ///< it is the proposal
+  std::string reason;     ///< why it is not; empty when it is
+  Pose proposal;          ///< what the method ended with; the start when it was not run
 
   /// Truncated residuals both ways, in [0, 1], 1 the best: the mean over all points of both clouds of
   /// 1 − min(1, (d/τ)² + |n − n'|²), where d is the distance to the other cloud's nearest point and n, n' are
