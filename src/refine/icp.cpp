@@ -33,34 +33,71 @@ Icp::Icp(const std::vector<Vec3d>& reference, const IcpOptions& options)
     : index_(std::make_unique<const Index>(reference)), options_(options) {}
 Icp::~Icp() = default;
 
-IcpResult Icp::align(const std::vector<Vec3d>& source, const Pose& start) const {
-  const std::size_t fewer = std::min(source.size(), index_->points.size());
-  const std::size_t kept =
-      std::clamp<std::size_t>(static_cast<std::size_t>(options_.keep * static_cast<double>(fewer)),
-                              std::min<std::size_t>(3, fewer), fewer);
-  std::vector<Match> matches(source.size());
-  IcpResult result;
-  result.T_reference_source = start;
-  result.workspace_bytes = index_->bytes + matches.size() * sizeof(Match);
-  while (result.iterations < options_.most_iterations && !result.converged) {
-    ++result.iterations;
-    for (std::uint32_t i = 0; i < source.size(); ++i) {
-      const Vec3d moved = result.T_reference_source.apply(source[i]);
-      matches[i].source = i;
-      index_->tree.knnSearch(moved.data(), 1, &matches[i].reference, &matches[i].squared);
-    }
-    std::nth_element(matches.begin(), matches.begin() + (kept - 1), matches.end());
-    double squares = 0;
-    for (std::size_t i = 0; i < kept; ++i) squares += matches[i].squared;
-    result.rmse = std::sqrt(squares / static_cast<double>(kept));
-    const Pose next = fit(
-        kept, [](std::size_t) { return 1.0; },
-        [&](std::size_t i) { return vector(source[matches[i].source]); },
-        [&](std::size_t i) { return vector(index_->points[matches[i].reference]); });
-    const double moved = absolute_change(next, result.T_reference_source);
-    result.T_reference_source = next;
-    result.converged = moved < options_.tolerance;
+class Icp::Steps : public Stepper {
+ public:
+  Steps(const Icp& icp, const std::vector<Vec3d>& source, const Pose& start, IcpResult& result)
+      : index_(*icp.index_),
+        options_(icp.options_),
+        source_(source),
+        matches_(source.size()),
+        result_(result) {
+    const std::size_t fewer = std::min(source.size(), index_.points.size());
+    kept_ = std::clamp<std::size_t>(static_cast<std::size_t>(options_.keep * static_cast<double>(fewer)),
+                                    std::min<std::size_t>(3, fewer), fewer);
+    result_ = {};
+    result_.T_reference_source = start;
+    result_.workspace_bytes = index_.bytes + matches_.size() * sizeof(Match);
   }
+
+  Wanted wanted() override {
+    if (result_.iterations >= options_.most_iterations || result_.converged) return {};
+    Wanted wanted;
+    wanted.searches.push_back(
+        {.in = index_.points,
+         .tree = index_.tree,
+         .from = &source_,
+         .count = source_.size(),
+         .point = [this](std::size_t i) { return result_.T_reference_source.apply(source_[i]); },
+         .take =
+             [this](std::size_t i, const std::uint32_t* index, const double* squared, std::size_t) {
+               matches_[i] = {*squared, static_cast<std::uint32_t>(i), *index};
+             }});
+    return wanted;
+  }
+
+  void step() override {
+    ++result_.iterations;
+    std::nth_element(matches_.begin(), matches_.begin() + (kept_ - 1), matches_.end());
+    double squares = 0;
+    for (std::size_t i = 0; i < kept_; ++i) squares += matches_[i].squared;
+    result_.rmse = std::sqrt(squares / static_cast<double>(kept_));
+    const Pose next = fit(
+        kept_, [](std::size_t) { return 1.0; },
+        [&](std::size_t i) { return vector(source_[matches_[i].source]); },
+        [&](std::size_t i) { return vector(index_.points[matches_[i].reference]); });
+    const double moved = absolute_change(next, result_.T_reference_source);
+    result_.T_reference_source = next;
+    result_.converged = moved < options_.tolerance;
+  }
+
+ private:
+  const Index& index_;
+  const IcpOptions options_;
+  const std::vector<Vec3d>& source_;
+  std::vector<Match> matches_;
+  std::size_t kept_ = 0;
+  IcpResult& result_;
+};
+
+std::unique_ptr<Stepper> Icp::stepper(const std::vector<Vec3d>& source, const Pose& start,
+                                      IcpResult& result) const {
+  return std::make_unique<Steps>(*this, source, start, result);
+}
+
+IcpResult Icp::align(const std::vector<Vec3d>& source, const Pose& start) const {
+  IcpResult result;
+  Steps steps(*this, source, start, result);
+  drive(steps, {});
   return result;
 }
 

@@ -8,6 +8,8 @@
 #include <memory>
 #include <vector>
 
+#include "refine/stepper.hpp"
+
 namespace bitr::refine {
 
 struct IcpOptions {
@@ -34,9 +36,13 @@ class Icp {
   Icp& operator=(const Icp&) = delete;
 
   IcpResult align(const std::vector<Vec3d>& source, const Pose& start) const;
+  /// The same step by step; source and result outlive it.
+  std::unique_ptr<Stepper> stepper(const std::vector<Vec3d>& source, const Pose& start,
+                                   IcpResult& result) const;
 
  private:
   struct Index;
+  class Steps;
   std::unique_ptr<const Index> index_;
   IcpOptions options_;
 };

@@ -5,8 +5,8 @@
 #include <bitr/pose.hpp>
 #include <vector>
 
+#include "refine/stepper.hpp"
 #include "refine/surface.hpp"
-#include "refine/workers.hpp"
 
 namespace bitr::refine {
 
@@ -25,14 +25,14 @@ struct MatchRule {
   bool oriented = true;  ///< normals tell the surface's sides apart; otherwise their signs mean nothing
 };
 
-/// `T` takes the centred source to the centred reference. First a match for every asked point of the source,
-/// then of the reference, in their order. Both surfaces have normals or neither.
-void match(const Surface& source, const Surface& reference, const Pose& T, const MatchRule& rule,
-           const Workers& workers, std::vector<Match>& matches);
+/// What fills `matches` at T, which takes the centred source to the centred reference: a match for every
+/// asked point of the source, then of the reference, in their order. Both surfaces have normals or neither;
+/// surfaces and matches outlive it.
+std::vector<Search> match(const Surface& source, const Surface& reference, const Pose& T,
+                          const MatchRule& rule, std::vector<Match>& matches);
 
-/// Whether normals tell the two sides of the surfaces apart. Those that were estimated without a viewpoint do
-/// not: of nearest points, many then have opposite ones. True without normals.
-bool normals_are_oriented(const Surface& source, const Surface& reference, const Pose& T,
-                          const Workers& workers);
+/// Whether normals tell the two sides of the surfaces apart, by matches of nearest points. Those that were
+/// estimated without a viewpoint do not: many matches then have opposite ones.
+bool normals_are_oriented(const std::vector<Match>& matches);
 
 }  // namespace bitr::refine

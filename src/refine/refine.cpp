@@ -2,6 +2,7 @@
 #include <bitr/refine.hpp>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "api/guarded.hpp"
@@ -72,54 +73,86 @@ std::vector<T> every_so_many(const std::vector<T>& values, std::size_t most) {
   return some;
 }
 
-class Refiner {
+enum class Extent : std::uint8_t { score, all };
+
+class Refiner : public Stepper {
  public:
-  Refiner(const CloudPair& pair, const RefineOptions& options, const Workers& workers)
-      : pair_(pair), options_(options), workers_(workers), source_(pair.source), reference_(pair.reference) {
+  Refiner(const CloudPair& pair, const Pose& start, const RefineOptions& options, Extent extent,
+          const Workers& workers)
+      : pair_(pair),
+        options_(options),
+        extent_(extent),
+        workers_(workers),
+        source_(pair.source),
+        reference_(pair.reference) {
     // With one side's alone there is nothing to compare.
-    normals_ = source_.has_normals() && reference_.has_normals();
-    if (!normals_) {
+    if (!source_.has_normals() || !reference_.has_normals()) {
       source_.normals.clear();
       reference_.normals.clear();
+      phase_ = Phase::measure_start;
+    }
+    result_.spacing = std::max(source_.spacing, reference_.spacing);
+    result_.start = result_.proposal = start;
+    before_ = centred(start);
+  }
+
+  Wanted wanted() override {
+    if (phase_ == Phase::orient) return {match(source_, reference_, before_, {}, matches_)};
+    if (phase_ == Phase::measure_start) return {measure(before_)};
+    if (phase_ == Phase::propose) {
+      if (Wanted wanted = method_->wanted(); !wanted.nothing()) return wanted;
+      end_proposal();
+    }
+    if (phase_ == Phase::measure_proposal) return {measure(centred(result_.proposal))};
+    return {};
+  }
+
+  void step() override {
+    switch (phase_) {
+      case Phase::orient:
+        oriented_ = normals_are_oriented(matches_);
+        matches_ = {};
+        phase_ = Phase::measure_start;
+        break;
+      case Phase::measure_start:
+        fit_before_ = fit_after_ = measurement_->fit();
+        result_.score_before = fit_before_.score;
+        result_.overlap_before = fit_before_.most_overlap;
+        result_.reason = too_little_overlap(fit_before_, result_.spacing);
+        phase_ = result_.reason.empty() && extent_ == Extent::all ? Phase::propose : Phase::done;
+        if (phase_ == Phase::propose) begin_proposal();
+        break;
+      case Phase::propose:
+        method_->step();
+        break;
+      case Phase::measure_proposal:
+        fit_after_ = measurement_->fit();
+        result_.reason = no_better(fit_before_, fit_after_);
+        phase_ = Phase::done;
+        break;
+      case Phase::done:
+        break;
     }
   }
 
-  Refinement run(const Pose& start) {
-    Refinement result;
-    result.spacing = std::max(source_.spacing, reference_.spacing);
-    result.start = result.proposal = start;
-    const Pose before = centred(start);
-    oriented_ = normals_are_oriented(source_, reference_, before, workers_);
-    const Fit fit_before = measured(before);
-    result.score_before = fit_before.score;
-    result.overlap_before = fit_before.most_overlap;
-    Fit fit_after = fit_before;
-    result.reason = too_little_overlap(fit_before, result.spacing);
-    if (result.reason.empty()) {
-      propose(start, before, result);
-      if (is_finite(result.proposal))
-        fit_after = measured(centred(result.proposal));
-      else
-        result.proposal = start;
-      result.reason = no_better(fit_before, fit_after);
-    }
-    result.score_after = fit_after.score;
-    result.improved = result.reason.empty();
-    result.T_reference_source = result.improved ? result.proposal : start;
-    const Fit& fit = result.improved ? fit_after : fit_before;
-    result.overlap = fit.overlap;
-    if (fit.inliers > 0) result.rmse = fit.rmse;
-    result.workspace_bytes += source_.bytes() + reference_.bytes();
-    return result;
-  }
-
-  double score(const Pose& pose) {
-    oriented_ = normals_are_oriented(source_, reference_, centred(pose), workers_);
-    return measured(centred(pose)).score;
+  /// Once it is done.
+  Refinement result() {
+    result_.score_after = fit_after_.score;
+    result_.improved = result_.reason.empty();
+    result_.T_reference_source = result_.improved ? result_.proposal : result_.start;
+    const Fit& fit = result_.improved ? fit_after_ : fit_before_;
+    result_.overlap = fit.overlap;
+    if (fit.inliers > 0) result_.rmse = fit.rmse;
+    result_.workspace_bytes += source_.bytes() + reference_.bytes();
+    return std::move(result_);
   }
 
  private:
-  Fit measured(const Pose& pose) const { return measure(source_, reference_, pose, oriented_, workers_); }
+  enum class Phase : std::uint8_t { orient, measure_start, propose, measure_proposal, done };
+
+  std::vector<Search> measure(const Pose& pose) {
+    return measurement_.emplace(source_, reference_, pose, oriented_).searches();
+  }
 
   bool guarded_by_overlap() const {
     return options_.protocol == RefineProtocol::adaptive && options_.least_overlap > 0;
@@ -152,48 +185,63 @@ class Refiner {
     return moved_by(reference_.centroid, 1) * centred * moved_by(source_.centroid, -1);
   }
 
-  void propose(const Pose& start, const Pose& before, Refinement& result) {
-    const bool official = options_.protocol == RefineProtocol::official;
+  void begin_proposal() {
     if (options_.method == RefineMethod::icp)
-      official ? official_icp(start, result) : adaptive_icp(before, result);
+      official() ? begin_official_icp() : begin_adaptive_icp();
     else
-      official ? official_transport(start, result) : adaptive_transport(before, result);
+      official() ? begin_official_transport() : begin_adaptive_transport();
   }
 
-  void official_icp(const Pose& start, Refinement& result) {
+  void end_proposal() {
+    if (options_.method == RefineMethod::transport) {
+      Pose pose = transport_.T_reference_source;
+      for (double& value : pose.translation) value /= scale_;
+      take(transport_, official() ? pose : given(pose));
+    } else if (official()) {
+      take(icp_, icp_.T_reference_source);
+    } else {
+      take(surface_icp_, given(surface_icp_.T));
+    }
+    const bool finite = is_finite(result_.proposal);
+    if (!finite) {
+      result_.proposal = result_.start;
+      result_.reason = no_better(fit_before_, fit_after_);
+    }
+    phase_ = finite ? Phase::measure_proposal : Phase::done;
+  }
+
+  template <class MethodResult>
+  void take(const MethodResult& method, const Pose& proposal) {
+    result_.proposal = proposal;
+    result_.iterations = method.iterations;
+    result_.converged = method.converged;
+    result_.workspace_bytes = method.workspace_bytes;
+  }
+
+  void begin_official_icp() {
     IcpOptions options;
     options.keep = options_.keep.value_or(options.keep);
     options.most_iterations = options_.most_iterations.value_or(options.most_iterations);
-    const std::vector<Vec3d> source = points_of(pair_.source.positions);
-    const IcpResult icp = Icp(points_of(pair_.reference.positions), options).align(source, start);
-    result.proposal = icp.T_reference_source;
-    result.iterations = icp.iterations;
-    result.converged = icp.converged;
-    result.workspace_bytes = icp.workspace_bytes;
+    source_points_ = points_of(pair_.source.positions);
+    official_icp_.emplace(points_of(pair_.reference.positions), options);
+    method_ = official_icp_->stepper(source_points_, result_.start, icp_);
   }
 
-  void adaptive_icp(const Pose& before, Refinement& result) {
+  void begin_adaptive_icp() {
     SurfaceIcpOptions options;
     options.keep = options_.keep;
     options.oriented = oriented_;
     options.most_iterations = options_.most_iterations.value_or(options.most_iterations);
-    const SurfaceIcpResult icp = surface_icp(source_, reference_, before, options, workers_);
-    result.proposal = given(icp.T);
-    result.iterations = icp.iterations;
-    result.converged = icp.converged;
-    result.workspace_bytes = icp.workspace_bytes;
+    method_ = surface_icp(source_, reference_, before_, options, surface_icp_);
   }
 
-  void official_transport(const Pose& start, Refinement& result) {
-    TransportStage stage;
-    stage.most_iterations = options_.most_iterations.value_or(stage.most_iterations);
-    const std::vector<Vec3d> source = points_of(pair_.source.positions),
-                             reference = points_of(pair_.reference.positions);
-    keep(transport({source, {}}, {reference, {}}, start, {&stage, 1}, workers_), result);
-    result.proposal = result.T_reference_source;
+  void begin_official_transport() {
+    source_points_ = points_of(pair_.source.positions);
+    reference_points_ = points_of(pair_.reference.positions);
+    begin_transport(result_.start, {TransportStage{}});
   }
 
-  void adaptive_transport(const Pose& before, Refinement& result) {
+  void begin_adaptive_transport() {
     // In spacings, so that one tolerance does for turns and shifts.
     const auto some = [&](const std::vector<Vec3d>& points, double scale) {
       std::vector<Vec3d> rows = every_so_many(points, most_transported);
@@ -201,34 +249,57 @@ class Refiner {
         for (double& value : row) value *= scale;
       return rows;
     };
-    const double scale =
+    scale_ =
         1 / std::max(source_.thinned_spacing(most_transported), reference_.thinned_spacing(most_transported));
-    const auto source = some(source_.points, scale), reference = some(reference_.points, scale);
-    const auto source_normals = some(source_.normals, 1), reference_normals = some(reference_.normals, 1);
-    Pose scaled = before;
-    for (double& value : scaled.translation) value *= scale;
-    auto stages = narrowing_stages(normals_);
-    for (TransportStage& stage : stages)
-      stage.most_iterations = options_.most_iterations.value_or(stage.most_iterations);
-    keep(transport({source, source_normals}, {reference, reference_normals}, scaled, stages, workers_),
-         result);
-    for (double& value : result.T_reference_source.translation) value /= scale;
-    result.proposal = given(result.T_reference_source);
+    source_points_ = some(source_.points, scale_);
+    reference_points_ = some(reference_.points, scale_);
+    source_normals_ = some(source_.normals, 1);
+    reference_normals_ = some(reference_.normals, 1);
+    Pose scaled = before_;
+    for (double& value : scaled.translation) value *= scale_;
+    begin_transport(scaled, narrowing_stages(source_.has_normals()));
   }
 
-  static void keep(const TransportResult& transport, Refinement& result) {
-    result.T_reference_source = transport.T_reference_source;
-    result.iterations = transport.iterations;
-    result.converged = transport.converged;
-    result.workspace_bytes = transport.workspace_bytes;
+  void begin_transport(const Pose& start, std::vector<TransportStage> stages) {
+    stages_ = std::move(stages);
+    for (TransportStage& stage : stages_)
+      stage.most_iterations = options_.most_iterations.value_or(stage.most_iterations);
+    method_ = transport_stepper({source_points_, source_normals_}, {reference_points_, reference_normals_},
+                                start, stages_, workers_, transport_);
   }
+
+  bool official() const { return options_.protocol == RefineProtocol::official; }
 
   const CloudPair& pair_;
-  const RefineOptions& options_;
-  const Workers& workers_;
+  const RefineOptions options_;
+  const Extent extent_;
+  const Workers workers_;
   Surface source_, reference_;
-  bool normals_ = false, oriented_ = true;
+  Phase phase_ = Phase::orient;
+  bool oriented_ = true;
+  Pose before_;  // the start, between the centred clouds
+  std::vector<Match> matches_;
+  std::optional<Measurement> measurement_;
+  Fit fit_before_, fit_after_;
+  Refinement result_;
+
+  // What the method works on and ends with.
+  std::vector<Vec3d> source_points_, reference_points_, source_normals_, reference_normals_;
+  double scale_ = 1;  // of these points
+  std::vector<TransportStage> stages_;
+  std::optional<Icp> official_icp_;
+  std::unique_ptr<Stepper> method_;
+  IcpResult icp_;
+  SurfaceIcpResult surface_icp_;
+  TransportResult transport_;
 };
+
+Refinement refined(const CloudPair& pair, const Pose& start, const RefineOptions& options,
+                   const Workers& workers, Extent extent = Extent::all) {
+  Refiner refiner(pair, start, options, extent, workers);
+  drive(refiner, workers);
+  return refiner.result();
+}
 
 std::string name_of(std::size_t pair, std::size_t pairs) {
   return pairs > 1 ? "pair " + std::to_string(pair) + ": " : "";
@@ -259,8 +330,7 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
     const bool alone = pairs.size() < device.threads();
     const Workers workers{alone ? &device.pool() : nullptr};
     const auto run = [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        results[i] = Refiner(pairs[i], options, workers).run(starts[i]);
+      for (std::size_t i = begin; i < end; ++i) results[i] = refined(pairs[i], starts[i], options, workers);
     };
     if (alone)
       run(0, pairs.size());
@@ -274,7 +344,7 @@ Result<double> refinement_score(const Device& device, const CloudPair& pair, con
   return guarded([&]() -> Result<double> {
     check(pair.source, "source");
     check(pair.reference, "reference");
-    return Refiner(pair, {}, Workers{&device.pool()}).score(T_reference_source);
+    return refined(pair, T_reference_source, {}, Workers{&device.pool()}, Extent::score).score_before;
   });
 }
 

@@ -12,47 +12,45 @@ constexpr double spacings = 3;
 constexpr std::size_t as_if = 512;
 constexpr double most_turned = 1;  // 60°
 
-struct Residual {
-  double squared = 0;  ///< distance
-  double turned = 0;   ///< |difference of the normals|², 0 without
-};
-
-std::vector<Residual> residuals(const Surface& from, const Surface& to, const Pose& T, bool oriented,
-                                const Workers& workers) {
-  std::vector<Residual> result(from.some.size());
-  const bool normals = from.has_normals() && to.has_normals();
-  workers.parallel_for(result.size(), 1024, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::uint32_t row = from.some[i];
-      const Vec3d moved = T.apply(from.points[row]);
-      std::uint32_t nearest = 0;
-      to.tree.knnSearch(moved.data(), 1, &nearest, &result[i].squared);
-      if (!normals) continue;
-      const Vec3d n = T.rotate(from.normals[row]);
-      const Vec3d& other = to.normals[nearest];
-      const double cosine = n[0] * other[0] + n[1] * other[1] + n[2] * other[2];
-      result[i].turned = 2 * (1 - (oriented ? cosine : std::abs(cosine)));
-    }
-  });
-  return result;
-}
-
 }  // namespace
 
 double truncation(const Surface& source, const Surface& reference) {
   return spacings * std::max(source.thinned_spacing(as_if), reference.thinned_spacing(as_if));
 }
 
-Fit measure(const Surface& source, const Surface& reference, const Pose& T, bool oriented,
-            const Workers& workers) {
-  const double tau = truncation(source, reference), limit = tau * tau;
+Search Measurement::look(const Surface& from, const Surface& to, const Pose& T,
+                         std::vector<Residual>& residuals) const {
+  residuals.resize(from.some.size());
+  const bool normals = from.has_normals() && to.has_normals();
+  const auto take = [=, &from, &to, &residuals, oriented = oriented_](
+                        std::size_t i, const std::uint32_t* nearest, const double* squared, std::size_t) {
+    residuals[i] = {*squared, 0};
+    if (!normals) return;
+    const Vec3d n = T.rotate(from.normals[from.some[i]]);
+    const Vec3d& other = to.normals[*nearest];
+    const double cosine = n[0] * other[0] + n[1] * other[1] + n[2] * other[2];
+    residuals[i].turned = 2 * (1 - (oriented ? cosine : std::abs(cosine)));
+  };
+  return {.in = to.points,
+          .tree = to.tree,
+          .from = &from,
+          .count = from.some.size(),
+          .point = [T, &from](std::size_t i) { return T.apply(from.points[from.some[i]]); },
+          .take = take};
+}
+
+std::vector<Search> Measurement::searches() {
+  return {look(reference_, source_, T_.inverse(), of_reference_), look(source_, reference_, T_, of_source_)};
+}
+
+Fit Measurement::fit() const {
+  const double tau = truncation(source_, reference_), limit = tau * tau;
   Fit fit;
   double squares = 0, score = 0;
-  const auto add = [&](const Surface& from, const Surface& to, const Pose& pose) {
+  const auto add = [&](const Surface& from, const std::vector<Residual>& all) {
     double sum = 0, near = 0;
     fit.inliers = 0;
     squares = 0;
-    const std::vector<Residual> all = residuals(from, to, pose, oriented, workers);
     for (const Residual& residual : all) {
       if (residual.turned > most_turned) continue;
       near += residual.squared < 4 * limit;
@@ -68,9 +66,9 @@ Fit measure(const Surface& source, const Surface& reference, const Pose& T, bool
     fit.most_overlap = std::max(fit.most_overlap, fit.overlap);
     fit.most_near = std::max(fit.most_near, near / asked);
   };
-  add(reference, source, T.inverse());
-  add(source, reference, T);
-  fit.score = score / static_cast<double>(source.points.size() + reference.points.size());
+  add(reference_, of_reference_);
+  add(source_, of_source_);
+  fit.score = score / static_cast<double>(source_.points.size() + reference_.points.size());
   if (fit.inliers > 0) fit.rmse = std::sqrt(squares / static_cast<double>(fit.inliers));
   return fit;
 }

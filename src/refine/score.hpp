@@ -2,9 +2,10 @@
 #pragma once
 
 #include <bitr/pose.hpp>
+#include <vector>
 
+#include "refine/stepper.hpp"
 #include "refine/surface.hpp"
-#include "refine/workers.hpp"
 
 namespace bitr::refine {
 
@@ -20,8 +21,27 @@ struct Fit {
 /// The length beyond which points are not each other's counterparts.
 double truncation(const Surface& source, const Surface& reference);
 
-/// `T` takes the centred source to the centred reference. `oriented`: see MatchRule.
-Fit measure(const Surface& source, const Surface& reference, const Pose& T, bool oriented,
-            const Workers& workers);
+class Measurement {
+ public:
+  /// `T` takes the centred source to the centred reference. `oriented`: see MatchRule. The surfaces outlive
+  /// it.
+  Measurement(const Surface& source, const Surface& reference, const Pose& T, bool oriented)
+      : source_(source), reference_(reference), T_(T), oriented_(oriented) {}
+  /// What fit() needs.
+  std::vector<Search> searches();
+  Fit fit() const;
+
+ private:
+  struct Residual {
+    double squared = 0;  ///< distance
+    double turned = 0;   ///< |difference of the normals|², 0 without
+  };
+  Search look(const Surface& from, const Surface& to, const Pose& T, std::vector<Residual>& residuals) const;
+
+  const Surface &source_, &reference_;
+  const Pose T_;
+  const bool oriented_;
+  std::vector<Residual> of_source_, of_reference_;
+};
 
 }  // namespace bitr::refine

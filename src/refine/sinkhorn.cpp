@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/halves.hpp"
+
 namespace bitr::refine {
 namespace {
 
@@ -11,29 +13,6 @@ constexpr Eigen::Index block = BlockedPoints::block;
 constexpr std::size_t grain = 64;
 // exp(−50) is 2e-22: below rounding even when 10,000 such terms meet.
 constexpr double negligible = 50;
-
-// Halves ranges at the median of their longest axis until they are blocks.
-void order_by_halves(const std::vector<Vec3d>& points, std::uint32_t* begin, std::uint32_t* end) {
-  const std::size_t count = end - begin;
-  if (count <= BlockedPoints::block) return;
-  Vec3d low = points[*begin], high = low;
-  for (const std::uint32_t* i = begin; i < end; ++i)
-    for (int a = 0; a < 3; ++a) {
-      low[a] = std::min(low[a], points[*i][a]);
-      high[a] = std::max(high[a], points[*i][a]);
-    }
-  int axis = 0;
-  for (int a = 1; a < 3; ++a)
-    if (high[a] - low[a] > high[axis] - low[axis]) axis = a;
-  // Whole blocks to the left, so that only the last one is not full.
-  const std::size_t blocks = (count + BlockedPoints::block - 1) / BlockedPoints::block;
-  std::uint32_t* middle = begin + blocks / 2 * BlockedPoints::block;
-  std::nth_element(begin, middle, end, [&](std::uint32_t a, std::uint32_t b) {
-    return points[a][axis] < points[b][axis] || (points[a][axis] == points[b][axis] && a < b);
-  });
-  order_by_halves(points, begin, middle);
-  order_by_halves(points, middle, end);
-}
 
 /// A row of all coordinates.
 using Point = Eigen::Array<double, Eigen::Dynamic, 1, 0, 6, 1>;
@@ -125,7 +104,8 @@ BlockedPoints::BlockedPoints(const std::vector<Vec3d>& points, const std::vector
       low_((points.size() + block - 1) / block),
       high_(low_.size()) {
   std::iota(order_.begin(), order_.end(), 0);
-  order_by_halves(points, order_.data(), order_.data() + order_.size());
+  order_by_halves(points, order_.data(), order_.data() + order_.size(), BlockedPoints::block,
+                  [](std::size_t blocks) { return blocks / 2; });
   for (std::size_t i = 0; i < order_.size(); ++i)
     for (int a = 0; a < 3; ++a) {
       const auto row = static_cast<Eigen::Index>(i);

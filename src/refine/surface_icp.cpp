@@ -31,39 +31,40 @@ double median(std::vector<double>& values) {
   return *middle;
 }
 
-class Aligner {
+class Aligner : public Stepper {
  public:
-  Aligner(const Surface& source, const Surface& reference, const SurfaceIcpOptions& options,
-          const Workers& workers)
-      : source_(source), reference_(reference), options_(options), workers_(workers) {
+  Aligner(const Surface& source, const Surface& reference, const Pose& start,
+          const SurfaceIcpOptions& options, SurfaceIcpResult& result)
+      : source_(source), reference_(reference), options_(options), result_(result) {
     spacing_ = std::max(source.spacing, reference.spacing);
     for (const Vec3d& point : source.points) radius_ = std::max(radius_, vector(point).norm());
     normals_ = source.has_normals() && reference.has_normals();
     scale_ = spacing_;
     rule_.oriented = options.oriented;
     rule_.normal_length = normals_ ? first_normal_length * scale_ : 0;
+    result_ = {};
+    result_.T = start;
   }
 
-  SurfaceIcpResult run(const Pose& start) {
-    SurfaceIcpResult result;
-    result.T = start;
-    bool fine = false;
-    while (result.iterations < options_.most_iterations && !result.converged) {
-      ++result.iterations;
-      match(source_, reference_, result.T, rule_, workers_, matches_);
-      // A slow approach must not use up what the fine stage needs.
-      if (!fine && result.iterations > options_.most_iterations * 2 / 3) fine = true;
-      fine ? weigh() : trim();
-      if (normals_) balance_normals();
-      const Pose step = normals_ ? plane_step() : point_step();
-      result.T = step * result.T;
-      if (size_of(step) < tolerance * spacing_) {
-        result.converged = fine;
-        fine = true;
-      }
+  Wanted wanted() override {
+    if (result_.iterations < options_.most_iterations && !result_.converged)
+      return {match(source_, reference_, result_.T, rule_, matches_)};
+    result_.workspace_bytes = matches_.capacity() * sizeof(Match) + 3 * matches_.size() * sizeof(double);
+    return {};
+  }
+
+  void step() override {
+    ++result_.iterations;
+    // A slow approach must not use up what the fine stage needs.
+    if (!fine_ && result_.iterations > options_.most_iterations * 2 / 3) fine_ = true;
+    fine_ ? weigh() : trim();
+    if (normals_) balance_normals();
+    const Pose step = normals_ ? plane_step() : point_step();
+    result_.T = step * result_.T;
+    if (size_of(step) < tolerance * spacing_) {
+      result_.converged = fine_;
+      fine_ = true;
     }
-    result.workspace_bytes = matches_.capacity() * sizeof(Match) + 3 * matches_.size() * sizeof(double);
-    return result;
   }
 
  private:
@@ -189,9 +190,9 @@ class Aligner {
   }
 
   const Surface &source_, &reference_;
-  const SurfaceIcpOptions& options_;
-  const Workers& workers_;
-  bool normals_ = false;
+  const SurfaceIcpOptions options_;
+  SurfaceIcpResult& result_;
+  bool normals_ = false, fine_ = false;
   double spacing_ = 0, radius_ = 0;
   double scale_ = 0;  ///< of the kept matches' distances, a spacing at least
   MatchRule rule_;
@@ -201,9 +202,9 @@ class Aligner {
 
 }  // namespace
 
-SurfaceIcpResult surface_icp(const Surface& source, const Surface& reference, const Pose& start,
-                             const SurfaceIcpOptions& options, const Workers& workers) {
-  return Aligner(source, reference, options, workers).run(start);
+std::unique_ptr<Stepper> surface_icp(const Surface& source, const Surface& reference, const Pose& start,
+                                     const SurfaceIcpOptions& options, SurfaceIcpResult& result) {
+  return std::make_unique<Aligner>(source, reference, start, options, result);
 }
 
 }  // namespace bitr::refine

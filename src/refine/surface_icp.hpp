@@ -3,10 +3,11 @@
 #pragma once
 
 #include <bitr/pose.hpp>
+#include <memory>
 #include <optional>
 
+#include "refine/stepper.hpp"
 #include "refine/surface.hpp"
-#include "refine/workers.hpp"
 
 namespace bitr::refine {
 
@@ -30,7 +31,8 @@ struct SurfaceIcpResult {
 /// (the symmetric point-to-plane residual of Rusinkiewicz, "A symmetric objective function for ICP", 2019), λ
 /// being the ratio of the residuals' robust deviations; Σ w |p − q|² without normals. Both surfaces have
 /// normals, or they are not used.
-SurfaceIcpResult surface_icp(const Surface& source, const Surface& reference, const Pose& start,
-                             const SurfaceIcpOptions& options, const Workers& workers);
+/// Surfaces and result outlive the stepper.
+std::unique_ptr<Stepper> surface_icp(const Surface& source, const Surface& reference, const Pose& start,
+                                     const SurfaceIcpOptions& options, SurfaceIcpResult& result);
 
 }  // namespace bitr::refine

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "refine/rigid_fit.hpp"
 
@@ -33,42 +34,85 @@ Pose fit(const Eigen::MatrixXd& from, const Eigen::ArrayXd& weights, const Eigen
   return pose_of(R, to_mean - R * from_mean);
 }
 
-void run(const TransportCloud& source, const TransportCloud& reference, const TransportStage& stage,
-         const Workers& workers, TransportResult& result) {
-  static const std::vector<Vec3d> none;
-  const bool normals = stage.normal_length > 0;
-  const auto blocked = [&](const TransportCloud& cloud) {
-    return BlockedPoints(cloud.points, normals ? cloud.normals : none, stage.normal_length);
-  };
-  Sinkhorn plan(blocked(source), blocked(reference), workers);
-  const Eigen::MatrixXd from = plan.source().rows();
-  Eigen::ArrayXd weights;
-  Eigen::ArrayXXd targets;
-  result.converged = false;
-  for (int i = 0; i < stage.most_iterations && !result.converged; ++i) {
-    ++result.iterations;
-    plan.move_source(result.T_reference_source);
-    plan.normalise(stage.affinity, stage.sinkhorn, stage.warm && i > 0);
-    plan.project(weights, targets);
+class Steps : public Stepper {
+ public:
+  Steps(const TransportCloud& source, const TransportCloud& reference, const Pose& start,
+        std::span<const TransportStage> stages, const Workers& workers, TransportResult& result)
+      : source_(source), reference_(reference), stages_(stages), workers_(workers), result_(result) {
+    result_ = {};
+    result_.T_reference_source = start;
+  }
+
+  Wanted wanted() override {
+    if (stages_.empty()) return {};
+    if (!plan_) begin_stage();
+    while (iterations_ >= stages_.front().most_iterations || result_.converged || hopeless_) {
+      end_stage();
+      if (stages_.empty()) return {};
+      begin_stage();
+    }
+    plan_->move_source(result_.T_reference_source);
+    wanted_.emplace(PlanWanted{*plan_, stages_.front(), stages_.front().warm && iterations_ > 0, {}, {}});
+    return {{}, &*wanted_};
+  }
+
+  void step() override {
+    ++result_.iterations;
+    ++iterations_;
+    auto& [plan, stage, warm, weights, targets] = *wanted_;
     targets.colwise() /= weights + least_weight;
     const double total = weights.sum();
-    if (!(total > 0)) return;
+    hopeless_ = !(total > 0);
+    if (hopeless_) return;
     weights /= total + least_weight;
-    const Pose next = fit(from, weights, targets.matrix());
-    result.converged = frobenius_change(next, result.T_reference_source) < stage.tolerance;
-    result.T_reference_source = next;
+    const Pose next = fit(from_, weights, targets.matrix());
+    result_.converged = frobenius_change(next, result_.T_reference_source) < stage.tolerance;
+    result_.T_reference_source = next;
   }
-  const std::size_t bytes = plan.bytes() + sizeof(double) * static_cast<std::size_t>(from.size());
-  result.workspace_bytes = std::max(result.workspace_bytes, bytes);
-}
+
+ private:
+  void begin_stage() {
+    static const std::vector<Vec3d> none;
+    const double length = stages_.front().normal_length;
+    const auto blocked = [&](const TransportCloud& cloud) {
+      return BlockedPoints(cloud.points, length > 0 ? cloud.normals : none, length);
+    };
+    plan_.emplace(blocked(source_), blocked(reference_), workers_);
+    from_ = plan_->source().rows();
+    iterations_ = 0;
+    result_.converged = false;
+    hopeless_ = false;
+  }
+  void end_stage() {
+    const std::size_t bytes = plan_->bytes() + sizeof(double) * static_cast<std::size_t>(from_.size());
+    if (!hopeless_) result_.workspace_bytes = std::max(result_.workspace_bytes, bytes);
+    stages_ = stages_.subspan(1);
+  }
+
+  const TransportCloud source_, reference_;
+  std::span<const TransportStage> stages_;  // this one and those to come
+  const Workers workers_;
+  TransportResult& result_;
+  std::optional<Sinkhorn> plan_;
+  Eigen::MatrixXd from_;
+  std::optional<PlanWanted> wanted_;
+  int iterations_ = 0;     // of this stage
+  bool hopeless_ = false;  // the slack takes everything
+};
 
 }  // namespace
+
+std::unique_ptr<Stepper> transport_stepper(const TransportCloud& source, const TransportCloud& reference,
+                                           const Pose& start, std::span<const TransportStage> stages,
+                                           const Workers& workers, TransportResult& result) {
+  return std::make_unique<Steps>(source, reference, start, stages, workers, result);
+}
 
 TransportResult transport(const TransportCloud& source, const TransportCloud& reference, const Pose& start,
                           std::span<const TransportStage> stages, const Workers& workers) {
   TransportResult result;
-  result.T_reference_source = start;
-  for (const TransportStage& stage : stages) run(source, reference, stage, workers, result);
+  Steps steps(source, reference, start, stages, workers, result);
+  drive(steps, workers);
   return result;
 }
 

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <bitr/pose.hpp>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "refine/sinkhorn.hpp"
+#include "refine/stepper.hpp"
 
 namespace bitr::refine {
 
@@ -33,10 +35,24 @@ struct TransportResult {
   std::size_t workspace_bytes = 0;
 };
 
+/// The plan at a pose, and what Procrustes needs of it.
+struct PlanWanted {
+  Sinkhorn& plan;
+  const TransportStage& stage;
+  bool warm;  ///< from the potentials it has
+  Eigen::ArrayXd weights;
+  Eigen::ArrayXXd targets;  ///< both as of Sinkhorn::project()
+};
+
 /// One stage after the other; the default is the official code's only one. Clouds of at least three points,
 /// in units that suit the affinities and near the origin.
 TransportResult transport(const TransportCloud& source, const TransportCloud& reference, const Pose& start,
                           std::span<const TransportStage> stages, const Workers& workers = {});
+
+/// The same step by step; clouds, stages and result outlive it.
+std::unique_ptr<Stepper> transport_stepper(const TransportCloud& source, const TransportCloud& reference,
+                                           const Pose& start, std::span<const TransportStage> stages,
+                                           const Workers& workers, TransportResult& result);
 
 /// Kernels that narrow from 4 spacings to one, for clouds in units of their spacing.
 std::vector<TransportStage> narrowing_stages(bool normals);
