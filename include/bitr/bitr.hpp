@@ -3,6 +3,7 @@
 
 #include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
+#include <bitr/confidence.hpp>
 #include <bitr/device.hpp>
 #include <bitr/doctor.hpp>
 #include <bitr/io.hpp>

@@ -62,7 +62,7 @@ Result<PointCloud> sample_mesh(const Mesh& mesh, std::size_t count, std::uint64_
 
 /// `count` distinct points drawn without replacement, in their original order; the cloud itself when it is
 /// not larger. Same seed, same points.
-PointCloud subsample(const PointCloud& cloud, std::size_t count, std::uint64_t seed);
+PointCloud subsample(const CloudView& cloud, std::size_t count, std::uint64_t seed);
 
 enum class PlyEncoding { ascii, binary_little_endian };
 

@@ -123,20 +123,24 @@ Result<PointCloud> sample_mesh(const Mesh& mesh, std::size_t count, std::uint64_
   return fail(ErrorCode::invalid_argument, text(count, " points to sample are too many for memory"));
 }
 
-PointCloud subsample(const PointCloud& cloud, std::size_t count, std::uint64_t seed) {
-  if (count >= cloud.size()) return cloud;
-  const bool normals = cloud.normals.size() == cloud.size(), colors = cloud.colors.size() == cloud.size();
+PointCloud subsample(const CloudView& cloud, std::size_t count, std::uint64_t seed) {
+  const std::size_t points = cloud.positions.count;
+  const bool normals = cloud.normals.count == points, colors = cloud.colors.count == points;
+  count = std::min(count, points);
   PointCloud out;
   out.positions.reserve(count);
   if (normals) out.normals.reserve(count);
   if (colors) out.colors.reserve(count);
+  const auto narrowed = [](const Vec3d& row) {
+    return Vec3f{static_cast<float>(row[0]), static_cast<float>(row[1]), static_cast<float>(row[2])};
+  };
   // Selection sampling: a point's chance is what makes every subset of `count` points equally likely.
   Random random(seed);
   for (std::size_t i = 0; out.size() < count; ++i) {
-    if (random.below(cloud.size() - i) >= count - out.size()) continue;
+    if (random.below(points - i) >= count - out.size()) continue;
     out.positions.push_back(cloud.positions[i]);
-    if (normals) out.normals.push_back(cloud.normals[i]);
-    if (colors) out.colors.push_back(cloud.colors[i]);
+    if (normals) out.normals.push_back(narrowed(cloud.normals[i]));
+    if (colors) out.colors.push_back(narrowed(cloud.colors[i]));
   }
   return out;
 }

@@ -19,27 +19,12 @@ using namespace refine;
 
 namespace {
 
-constexpr std::size_t fewest_points = 3;
 // Transport is worth its time up to here; more points than that make no better pose.
 constexpr std::size_t most_transported = 4'096;
 // Of a proposal's overlap, this much must have been near at the start.
 constexpr double least_near = 0.5;
 
 [[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
-
-void check(const CloudView& cloud, const std::string& which) {
-  const Vec3View &positions = cloud.positions, &normals = cloud.normals;
-  if (positions.count < fewest_points)
-    refuse(which + ": " + std::to_string(positions.count) + " points; refinement needs at least " +
-           std::to_string(fewest_points));
-  if (!normals.empty() && normals.count != positions.count)
-    refuse(which + ": " + std::to_string(normals.count) + " normals for " + std::to_string(positions.count) +
-           " points");
-  for (std::size_t i = 0; i < positions.count; ++i)
-    if (!is_finite(positions[i])) refuse(which + ": point " + std::to_string(i) + " is not finite");
-  for (std::size_t i = 0; i < normals.count; ++i)
-    if (!is_finite(normals[i])) refuse(which + ": normal " + std::to_string(i) + " is not finite");
-}
 
 void check(const RefineOptions& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
@@ -85,12 +70,8 @@ class Refiner : public Stepper {
         workers_(workers),
         source_(pair.source),
         reference_(pair.reference) {
-    // With one side's alone there is nothing to compare.
-    if (!source_.has_normals() || !reference_.has_normals()) {
-      source_.normals.clear();
-      reference_.normals.clear();
-      phase_ = Phase::measure_start;
-    }
+    keep_common_normals(source_, reference_);
+    if (!source_.has_normals()) phase_ = Phase::measure_start;
     result_.spacing = std::max(source_.spacing, reference_.spacing);
     result_.start = result_.proposal = start;
     before_ = centred(start);
@@ -174,13 +155,7 @@ class Refiner : public Stepper {
     return {};
   }
 
-  Pose centred(const Pose& pose) const {
-    // t' = R c_source + t − c_reference, without the detour over two products.
-    Pose result = pose;
-    result.translation = pose.apply(source_.centroid);
-    for (int a = 0; a < 3; ++a) result.translation[a] -= reference_.centroid[a];
-    return result;
-  }
+  Pose centred(const Pose& pose) const { return refine::centred(pose, source_, reference_); }
   Pose given(const Pose& centred) const {
     return moved_by(reference_.centroid, 1) * centred * moved_by(source_.centroid, -1);
   }
@@ -301,10 +276,6 @@ Refinement refined(const CloudPair& pair, const Pose& start, const RefineOptions
   return refiner.result();
 }
 
-std::string name_of(std::size_t pair, std::size_t pairs) {
-  return pairs > 1 ? "pair " + std::to_string(pair) + ": " : "";
-}
-
 }  // namespace
 
 std::string_view name(RefineMethod method) { return method == RefineMethod::icp ? "icp" : "ot"; }
@@ -320,9 +291,9 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
     if (pairs.size() != starts.size())
       refuse(std::to_string(starts.size()) + " starts for " + std::to_string(pairs.size()) + " pairs");
     for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::string which = name_of(i, pairs.size());
-      check(pairs[i].source, which + "source");
-      check(pairs[i].reference, which + "reference");
+      const std::string which = pair_name(i, pairs.size());
+      require_surface(pairs[i].source, which + "source");
+      require_surface(pairs[i].reference, which + "reference");
       if (!is_finite(starts[i])) refuse(which + "the start is not finite");
     }
     std::vector<Refinement> results(pairs.size());
@@ -342,8 +313,8 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
 
 Result<double> refinement_score(const Device& device, const CloudPair& pair, const Pose& T_reference_source) {
   return guarded([&]() -> Result<double> {
-    check(pair.source, "source");
-    check(pair.reference, "reference");
+    require_surface(pair.source, "source");
+    require_surface(pair.reference, "reference");
     return refined(pair, T_reference_source, {}, Workers{&device.pool()}, Extent::score).score_before;
   });
 }

@@ -3,9 +3,10 @@
 #include "refine/transport.hpp"
 
 namespace bitr::refine {
-namespace {
 
+namespace {
 constexpr std::size_t grain = 256;
+}
 
 void find(const Search& search, const Workers& workers) {
   workers.parallel_for(search.count, grain, [&](std::size_t begin, std::size_t end) {
@@ -17,8 +18,6 @@ void find(const Search& search, const Workers& workers) {
     }
   });
 }
-
-}  // namespace
 
 void drive(Stepper& stepper, const Workers& workers) {
   for (Wanted wanted = stepper.wanted(); !wanted.nothing(); wanted = stepper.wanted()) {

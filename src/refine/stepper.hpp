@@ -44,6 +44,8 @@ class Stepper {
   virtual void step() = 0;
 };
 
+/// Answers one search on the CPU.
+void find(const Search& search, const Workers& workers);
 /// To its end, on the CPU.
 void drive(Stepper& stepper, const Workers& workers);
 

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <bitr/cloud.hpp>
+#include <bitr/pose.hpp>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "core/point_tree.hpp"
@@ -34,5 +36,17 @@ struct Surface {
     return spacing * std::sqrt(std::max(1.0, static_cast<double>(points.size()) / static_cast<double>(most)));
   }
 };
+
+/// Throws `invalid_argument` for a cloud that is none: fewer than 3 points, numbers that are not finite,
+/// normals that are not one per point.
+void require_surface(const CloudView& cloud, const std::string& which);
+/// How a message begins that is about one of several pairs; empty when there is one.
+std::string pair_name(std::size_t pair, std::size_t pairs);
+
+/// With one side's normals alone there is nothing to compare: then neither has any.
+void keep_common_normals(Surface& source, Surface& reference);
+
+/// A pose of the clouds as given, from the centred source to the centred reference.
+Pose centred(const Pose& T_reference_source, const Surface& source, const Surface& reference);
 
 }  // namespace bitr::refine

@@ -162,7 +162,7 @@ TEST(RefineCommand, BadInputIsStatusTwoAndWritesNothing) {
   refuses({pair.source, pair.reference, "--pose", folder.path("none.json")}, "none.json");
   refuses({pair.source, pair.reference, "--pose", mirror}, "mirror.json");
   refuses({two, pair.reference}, "two.xyz");
-  refuses({two, pair.reference}, "2 points; refinement needs at least 3");
+  refuses({two, pair.reference}, "2 points; at least 3 are needed");
   refuses({pair.source, pair.reference, "--keep", "1.5"}, "--keep 1.5: is not above 0 and up to 1");
   refuses({pair.source, pair.reference, "--keep", "0.5", "--method", "ot"}, "--keep 0.5");
   refuses({pair.source, pair.reference, "--least-overlap", "0.3"}, "--least-overlap 0.3");

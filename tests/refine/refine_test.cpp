@@ -276,7 +276,7 @@ TEST(Refine, RefusesWhatIsWrong) {
   bad = good;
   bad.positions.resize(2);
   bad.normals.resize(2);
-  EXPECT_EQ(error(bad, good, {}), "source: 2 points; refinement needs at least 3");
+  EXPECT_EQ(error(bad, good, {}), "source: 2 points; at least 3 are needed");
   bad = good;
   bad.normals.resize(7);
   EXPECT_EQ(error(bad, good, {}), "source: 7 normals for 20 points");

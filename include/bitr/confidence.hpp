@@ -1,0 +1,75 @@
+// How far a pose can be trusted: what speaks for and against it, and one calibrated number made of that.
+#pragma once
+
+#include <bitr/assemble.hpp>
+#include <bitr/device.hpp>
+#include <bitr/pose.hpp>
+#include <bitr/result.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace bitr {
+
+/// What a network's answers tell about themselves.
+struct NetworkEvidence {
+  Pose T_reference_source;  ///< its answer
+  double rotation_gap = 0;  ///< of that: see Diagnostics
+  /// Median angle in degrees between the answer and those on random parts of the clouds.
+  double spread = 0;
+};
+
+struct ResampleOptions {
+  int answers = 8;         ///< on parts of the clouds, 1 … 100
+  double share = 0.7;      ///< of a cloud's points in a part, above 0 and below 1
+  std::uint64_t seed = 0;  ///< of the parts
+};
+
+/// Larger parts than this tell no more.
+inline constexpr std::size_t most_resampled = 2048;
+
+/// Runs the plan again on parts of the clouds: min(share · N, most_resampled) points, but no fewer than the
+/// model needs. Empty for a pair whose assembly failed or whose clouds are too small for that. `assemblies`
+/// are the plan's answers for the pairs, without complete matching, which needs the same points in both
+/// clouds. Errors as of assemble(), and `invalid_argument` for an option out of its range.
+Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::span<const CloudPair> pairs,
+                                                             std::span<const Assembly> assemblies,
+                                                             const ResampleOptions& options = {});
+
+/// What a pose is judged by. Nothing here depends on units or on the frames of the clouds.
+struct Evidence {
+  double score = 0;    ///< see refinement_score
+  double overlap = 0;  ///< share of the points with a counterpart (as in that score), of the cloud with more
+  /// How near the rims, where a cloud's surface ends, are to the other cloud: 0 (further than six spacings) …
+  /// 1, the mean over the rims' points; 0 without rims. What clouds that only meet have in common.
+  double rims = 0;
+  /// Share of the points that lie under the other cloud's surface, further in than two spacings and right
+  /// below its nearest point; 0 where the clouds have no oriented normals.
+  double interpenetration = 0;
+  std::optional<double> rotation_gap, spread;  ///< as in NetworkEvidence; empty without
+  std::optional<double> refined_by;  ///< angle in degrees between the network's answer and the pose, where
+                                     ///< they differ
+};
+
+struct Confidence {
+  /// Estimated probability that the rotation is within 20° of the truth and that the source's middle is
+  /// within a tenth of the joined object's diagonal of its place: near enough for refinement to bring it
+  /// home.
+  double value = 0;
+  /// What lowers it, most important first, for people; empty when nothing does.
+  std::vector<std::string> reasons;
+  Evidence evidence;
+};
+
+/// Judges T_reference_source of each pair: answers of a network or what became of them, with `network` (what
+/// resample() returned), or any poses without it. Runs on the device's CPU threads; results do not depend on
+/// their number. A pose that is not finite gets 0. `invalid_argument` when counts differ, and as of
+/// refine_poses().
+Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<const CloudPair> pairs,
+                                            std::span<const Pose> poses,
+                                            std::span<const std::optional<NetworkEvidence>> network = {});
+
+}  // namespace bitr
