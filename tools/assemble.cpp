@@ -2,7 +2,9 @@
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
 #include <bitr/picture.hpp>
+#include <bitr/view.hpp>
 #include <chrono>
+#include <filesystem>
 #include <memory>
 
 #include "api/plan.hpp"
@@ -20,7 +22,7 @@ namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, output, image, json, truth;
+  std::string source, reference, output, image, view, json, truth;
   bool strict = false, verify = false;
   ModelOptions model;
   CloudOptions clouds;
@@ -59,11 +61,23 @@ void warn_of_few_points(const CloudInput& input, const Model& model) {
 }
 
 Result<void> check_outputs(const Options& options) {
+  if (!options.view.empty() && !has_view())
+    return fail(ErrorCode::unsupported,
+                "--view " + options.view +
+                    ": this build has no view; run tools/install_packages.sh, configure and build again");
   return tool::check_outputs({{"--output", options.output, "a cloud"},
                               {"--json", options.json},
                               {"--image", options.image, "a picture"},
+                              {"--view", options.view, "a page"},
                               profile_output(options.run)},
                              {options.source, options.reference, options.model.model, options.truth});
+}
+
+/// What the page does not show in another way, and nothing that differs from run to run.
+std::string view_report(const AssemblyReport& report) {
+  Json json = to_json(report);
+  for (const char* key : {"rotation", "translation", "key_points", "timing_ms"}) json.erase(key);
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
@@ -75,10 +89,17 @@ Result<void> write_outputs(const Options& options, const CloudInput& source, con
   const auto image = [&](const std::string& path) {
     return write_picture(path, source.cloud, reference.cloud, assembly);
   };
+  const auto view = [&](const std::string& path) {
+    return write_view(path, source.cloud, reference.cloud, assembly,
+                      {.source_name = std::filesystem::path(source.path).filename(),
+                       .reference_name = std::filesystem::path(reference.path).filename(),
+                       .report = view_report(report)});
+  };
   const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
   const auto profile = [&](const std::string&) { return write_profile(options.run, report.plan); };
   return write_files({{options.output, cloud},
                       {options.image, image},
+                      {options.view, view},
                       {options.run.profile, profile},
                       {options.json, json}});
 }
@@ -177,6 +198,8 @@ Command add_assemble(CLI::App& root) {
   app->add_option("-o,--output", options->output, "Write both clouds, assembled, to this PLY file")
       ->type_name("FILE");
   app->add_option("--image", options->image, "Draw both clouds, before and after, to this PNG file")
+      ->type_name("FILE");
+  app->add_option("--view", options->view, "Write a page with both clouds in 3-D, to be opened in a browser")
       ->type_name("FILE");
   add_json(*app, options->json);
   add_model_options(*app, options->model, options->run.plan.mode);

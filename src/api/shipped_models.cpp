@@ -1,4 +1,4 @@
-// The bytes come from shipped_models.S.in, one object per model.
+// The bytes come from models/, by bitr_embed of cmake/embed.cmake.
 #include <array>
 #include <bitr/model.hpp>
 #include <filesystem>

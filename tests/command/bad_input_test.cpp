@@ -117,7 +117,7 @@ TEST_F(BadInput, Outputs) {
     return std::vector<std::string>{good.source, good.reference, "--complete-match", option, path};
   };
   std::filesystem::create_directory(folder.path("sub"));
-  for (const std::string option : {"--output", "--image", "--json", "--profile"}) {
+  for (const std::string option : {"--output", "--image", "--view", "--json", "--profile"}) {
     refuse({"no such folder", output(option, folder.path("none/out")), "none/out"});
     refuse({"a folder", output(option, folder.path("sub")), "sub"});
     refuse({"an input", output(option, good.source), "input"});
@@ -125,6 +125,7 @@ TEST_F(BadInput, Outputs) {
   }
   refuse({"a cloud on standard output", output("-o", "-"), "file"});
   refuse({"a picture on standard output", output("--image", "-"), "file"});
+  refuse({"a page on standard output", output("--view", "-"), "file"});
   refuse({"a trace on standard output", output("--profile", "-"), "file"});
   const std::string same = folder.path("same");
   refuse(
@@ -133,6 +134,9 @@ TEST_F(BadInput, Outputs) {
       {"a picture into the cloud", {good.source, good.reference, "-o", same, "--image", same}, "--output"});
   refuse(
       {"a picture into the result", {good.source, good.reference, "--image", same, "--json", same}, "same"});
+  for (const std::string option : {"--output", "--image", "--json"})
+    refuse(
+        {"a page into another output", {good.source, good.reference, option, same, "--view", same}, option});
   refuse({"one file for both", {good.source, good.reference, "-o", same, "--json", same}, "same"});
 }
 

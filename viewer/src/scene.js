@@ -1,0 +1,136 @@
+// The clouds, their key points and the camera, drawn when something has changed and not otherwise.
+import { Color, ColorManagement, Scene, Sphere, Vector3, WebGLRenderer } from 'three';
+import { Camera } from './camera.js';
+import { cloudPoints, keyPoints } from './points.js';
+
+// Colours are those of the style sheet, as they are.
+ColorManagement.enabled = false;
+
+export const layers = ['source', 'reference', 'source-keys', 'reference-keys'];
+
+/** Some two thousand of the points, and the key points. */
+function outlineOf({ positions, keyPoints: keys }) {
+  const step = 3 * Math.max(1, Math.round(positions.length / 6000));
+  const outline = [];
+  for (let i = 0; i < positions.length; i += step) outline.push(new Vector3().fromArray(positions, i));
+  for (let i = 0; i < keys.length; i += 3) outline.push(new Vector3().fromArray(keys, i));
+  return outline;
+}
+
+export class Stage {
+  constructor(canvas, data, motion) {
+    this.canvas = canvas;
+    this.data = data;
+    this.motion = motion;
+    this.renderer = new WebGLRenderer({ canvas, antialias: true });
+    this.scene = new Scene();
+    this.scene.matrixAutoUpdate = false;
+    const spacing = Math.max(data.source.spacing, data.reference.spacing);
+    this.clouds = {
+      source: cloudPoints(data.source, 0.75 * spacing),
+      reference: cloudPoints(data.reference, 0),
+    };
+    this.keys = {
+      source: keyPoints(data.source.keyPoints, 2),
+      reference: keyPoints(data.reference.keyPoints, 1),
+    };
+    this.objects = Object.fromEntries(
+      layers.map((layer) => [layer, layer.endsWith('-keys') ? this.keys[layer.split('-')[0]] : this.clouds[layer]]),
+    );
+    this.scene.add(...Object.values(this.objects));
+    this.pointSize = 1;
+    this.outline = { source: outlineOf(data.source), reference: outlineOf(data.reference) };
+
+    this.camera = new Camera(canvas, data.view, () => this.draw());
+    this.camera.reset = () => this.resetView();
+    this.move(1);
+    this.recolour();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  /** The source to where it is at s; the camera follows until somebody takes it. */
+  move(s) {
+    const matrix = this.motion.matrixAt(s);
+    this.points = this.outline.source.map((point) => point.clone().applyMatrix4(matrix)).concat(this.outline.reference);
+    this.sphere = new Sphere().setFromPoints(this.points);
+    this.sphere.radius = Math.max(this.sphere.radius, 1e-3);
+    if (!this.camera.taken) this.camera.frame(this.points);
+    for (const object of [this.clouds.source, this.keys.source]) {
+      object.matrix.copy(matrix);
+      object.matrixWorldNeedsUpdate = true;
+    }
+    this.draw();
+  }
+
+  show(layer, shown) {
+    this.objects[layer].visible = shown;
+    this.draw();
+  }
+
+  useOwnColours(own) {
+    for (const role of ['source', 'reference'])
+      this.clouds[role].material.uniforms.own.value = own && this.data[role].colors ? 1 : 0;
+    this.draw();
+  }
+
+  scalePoints(factor) {
+    this.pointSize = factor;
+    this.draw();
+  }
+
+  recolour() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => new Color(style.getPropertyValue(`--${name}`).trim());
+    const paper = colour('paper');
+    this.renderer.setClearColor(paper);
+    for (const role of ['source', 'reference']) {
+      Object.assign(this.clouds[role].material.uniforms.piece, { value: colour(role) });
+      Object.assign(this.clouds[role].material.uniforms.paper, { value: paper });
+      Object.assign(this.keys[role].material.uniforms.fill, { value: colour(role).multiplyScalar(0.62) });
+      Object.assign(this.keys[role].material.uniforms.rim, { value: new Color(0xffffff) });
+    }
+    this.draw();
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.renderer.setSize(width, height, false);
+    this.camera.camera.aspect = width / height;
+    this.camera.camera.updateProjectionMatrix();
+    if (!this.camera.taken) this.camera.frame(this.points);
+    this.draw();
+  }
+
+  resetView() {
+    this.camera.taken = false;
+    this.camera.frame(this.points);
+    this.draw();
+  }
+
+  draw() {
+    this.frame ??= requestAnimationFrame(() => {
+      this.frame = undefined;
+      this.drawNow();
+    });
+  }
+
+  drawNow() {
+    const { camera } = this.camera;
+    const range = this.camera.fit(this.sphere.center, this.sphere.radius);
+    const ratio = this.renderer.getPixelRatio();
+    const pixels = this.renderer.domElement.height / (2 * Math.tan((camera.fov * Math.PI) / 360));
+    for (const role of ['source', 'reference']) {
+      const { uniforms } = this.clouds[role].material;
+      uniforms.pixels.value = pixels;
+      uniforms.diameter.value = 1.6 * this.data[role].spacing * this.pointSize;
+      uniforms.least.value = 1.5 * ratio * Math.min(1, this.pointSize);
+      uniforms.most.value = 14 * ratio * this.pointSize; // few points stay points
+      uniforms.range.value = range;
+      this.keys[role].material.uniforms.size.value = (role === 'source' ? 8 : 11) * ratio;
+    }
+    this.renderer.render(this.scene, camera);
+  }
+}
