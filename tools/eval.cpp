@@ -3,13 +3,16 @@
 #include <bitr/data.hpp>
 #include <bitr/evaluate.hpp>
 #include <bitr/io.hpp>
+#include <bitr/picture.hpp>
 #include <bitr/train.hpp>
 #include <memory>
 
 #include "command.hpp"
+#include "core/finite.hpp"
 #include "cpu/thread_pool.hpp"
 #include "device_choice.hpp"
 #include "eval_methods.hpp"
+#include "eval_page.hpp"
 #include "eval_report.hpp"
 #include "generate/pairs.hpp"
 #include "options.hpp"
@@ -20,7 +23,7 @@ namespace {
 
 struct Options {
   MethodChoice methods;
-  std::string kind, folder, json, csv;
+  std::string kind, folder, json, csv, html;
   std::optional<Protocol> protocol;
   std::vector<double> shares;
   std::vector<std::uint64_t> points;
@@ -108,6 +111,11 @@ Result<void> check_options(const Options& options) {
   if (options.csv == "-") return wrong("--csv -: a table of pairs needs a file");
   if (!options.csv.empty() && options.csv == options.json)
     return wrong("--csv " + options.csv + ": is the file of --json too");
+  if (auto checked = check_output("--html", options.html, options.methods.models); !checked) return checked;
+  if (options.html == "-") return wrong("--html -: a page needs a file");
+  for (const auto& [option, path] : {std::pair("--csv", options.csv), {"--json", options.json}})
+    if (!path.empty() && options.html == path)
+      return wrong("--html " + path + ": is the file of " + option + " too");
   return {};
 }
 
@@ -165,7 +173,8 @@ void add_once(std::vector<Follow>& list, Follow follow) {
 void record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
             std::size_t first) {
   for (std::size_t i = 0; i < batch.size(); ++i)
-    rows.pairs.push_back({batch[i].shape, first + i, batch[i].overlap, errors_of(poses[i], batch[i])});
+    rows.pairs.push_back(
+        {batch[i].shape, first + i, batch[i].overlap, errors_of(poses[i], batch[i]), poses[i]});
 }
 
 Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const DataSet& data,
@@ -230,6 +239,26 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
           {"device", device.name()}};
 }
 
+/// Shapes and pairs are made again, so that none had to be kept.
+Result<std::string> page_of(const EvalReport& report, const std::vector<DataSet>& data) {
+  std::vector<EvalCase> cases = worst_and_best(report);
+  for (EvalCase& one : cases) {
+    const EvalPair& pair = report.settings[one.setting].methods[one.method].pairs[one.pair];
+    if (!is_finite(pair.T_reference_source)) continue;
+    const auto sample = data[one.setting].sample(0, pair.sample);
+    if (!sample) return tl::unexpected(sample.error());
+    Assembly assembly;
+    assembly.T_reference_source = pair.T_reference_source;
+    const auto image =
+        render_picture(sample->source, sample->reference, assembly, {.width = 960, .height = 260});
+    if (!image) return tl::unexpected(image.error());
+    auto png = encode_png(*image);
+    if (!png) return tl::unexpected(png.error());
+    one.png = std::move(*png);
+  }
+  return to_html(report, cases);
+}
+
 std::string describe(const Options& options, std::size_t shapes) {
   return (options.kind.empty() ? options.folder : options.kind) + ", " + split_name(options.split) +
          " split of " + std::to_string(shapes) + (shapes == 1 ? " shape" : " shapes") + ", noise " +
@@ -282,10 +311,17 @@ int run(Options& options) {
     warn(std::to_string(report.skipped.size()) +
          (report.skipped.size() == 1 ? " shape was" : " shapes were") + " skipped; " +
          report.skipped[0].shape + ": " + report.skipped[0].reason);
+  const auto write_text = [](const std::string& path, const std::string& text) {
+    return io::write_file(path, std::as_bytes(std::span(text)));
+  };
   if (!options.csv.empty()) {
-    const std::string csv = to_csv(report);
-    if (const auto written = io::write_file(options.csv, std::as_bytes(std::span(csv))); !written)
+    if (const auto written = write_text(options.csv, to_csv(report)); !written)
       return complain(written.error());
+  }
+  if (!options.html.empty()) {
+    const auto page = page_of(report, data);
+    if (!page) return complain(page.error());
+    if (const auto written = write_text(options.html, *page); !written) return complain(written.error());
   }
   if (options.json.empty()) return done;
   const auto written = write_json(options.json, to_json(report));
@@ -365,6 +401,9 @@ Command add_eval(CLI::App& root) {
   add_device_options(*app, options->device);
   add_json(*app, options->json);
   app->add_option("--csv", options->csv, "Write one line for every pair and method")->type_name("FILE");
+  app->add_option("--html", options->html,
+                  "Write a page with the table, charts, and the worst and best pairs")
+      ->type_name("FILE");
   app->footer(
       "Errors: Δr is the angle between the rotations, up to the shape's rotational symmetry; Δt is how far\n"
       "the object's centre ends from its place. Success is Δr ≤ 5° with Δt ≤ 0.1 of the object's diagonal,\n"

@@ -9,14 +9,6 @@ namespace {
 constexpr double bin_width = 0.2;
 constexpr int bins = 5;
 
-/// A method's pairs, all of them or those in a bin of overlap.
-struct Row {
-  const EvalSetting& setting;
-  std::optional<int> bin;
-  std::string method;
-  ErrorSummary summary;
-};
-
 int bin_of(double overlap) { return std::clamp(static_cast<int>(overlap / bin_width), 0, bins - 1); }
 
 ErrorSummary summarise_bin(const EvalMethod& method, std::optional<int> bin) {
@@ -26,32 +18,10 @@ ErrorSummary summarise_bin(const EvalMethod& method, std::optional<int> bin) {
   return summarise(errors);
 }
 
-/// Setting by setting: its methods, then bin by bin where there are pairs.
-std::vector<Row> rows_of(const EvalReport& report) {
-  std::vector<Row> rows;
-  for (const EvalSetting& setting : report.settings)
-    for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
-      for (const EvalMethod& method : setting.methods) {
-        const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
-        Row row{setting, which, method.name, summarise_bin(method, which)};
-        if (row.summary.pairs > 0) rows.push_back(std::move(row));
-      }
-  return rows;
-}
-
 /// The shortest text that reads back as the same number.
 std::string text_of(double value) {
   char text[32];
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
-}
-
-std::string title(const Row& row) {
-  std::string text = row.setting.protocol;
-  if (row.setting.share) text += ", s = " + text_of(*row.setting.share);
-  text += ", " + std::to_string(row.setting.points) + " points";
-  if (row.bin)
-    text += ", overlap " + std::to_string(*row.bin * 20) + " … " + std::to_string(*row.bin * 20 + 20) + " %";
-  return text + ": " + std::to_string(row.summary.pairs) + (row.summary.pairs == 1 ? " pair" : " pairs");
 }
 
 /// Padded by characters, not bytes.
@@ -75,7 +45,7 @@ Json to_json(const Distribution& d) {
   return {{"mean", d.mean}, {"std", d.std}, {"median", d.median}, {"median_error", d.median_error}};
 }
 
-Json to_json(const Row& row) {
+Json to_json(const EvalRow& row) {
   const ErrorSummary& s = row.summary;
   Json json = {{"protocol", row.setting.protocol},
                {"share", row.setting.share ? Json(*row.setting.share) : Json(nullptr)},
@@ -109,10 +79,34 @@ std::string quoted(const std::string& field) {
 
 }  // namespace
 
+std::vector<EvalRow> rows_of(const EvalReport& report) {
+  std::vector<EvalRow> rows;
+  for (const EvalSetting& setting : report.settings)
+    for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
+      for (const EvalMethod& method : setting.methods) {
+        const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
+        EvalRow row{setting, which, method.name, summarise_bin(method, which)};
+        if (row.summary.pairs > 0) rows.push_back(std::move(row));
+      }
+  return rows;
+}
+
+std::string title(const EvalSetting& setting) {
+  return setting.protocol + (setting.share ? ", s = " + text_of(*setting.share) : "") + ", " +
+         std::to_string(setting.points) + " points";
+}
+
+std::string title(const EvalRow& row) {
+  std::string text = title(row.setting);
+  if (row.bin)
+    text += ", overlap " + std::to_string(*row.bin * 20) + " … " + std::to_string(*row.bin * 20 + 20) + " %";
+  return text + ": " + std::to_string(row.summary.pairs) + (row.summary.pairs == 1 ? " pair" : " pairs");
+}
+
 void print(const EvalReport& report, std::FILE* out) {
-  const std::vector<Row> rows = rows_of(report);
+  const std::vector<EvalRow> rows = rows_of(report);
   std::size_t width = 6;
-  for (const Row& row : rows) width = std::max(width, row.method.size());
+  for (const EvalRow& row : rows) width = std::max(width, row.method.size());
   std::fprintf(out, "%s\n\n", report.data.c_str());
   std::fprintf(out,
                "%s      Δr in degrees            |     Δt in model units,  /diag. | success, %%  |  Δr up "
@@ -121,7 +115,7 @@ void print(const EvalReport& report, std::FILE* out) {
                "10°   20° | flips\n",
                padded("", width + 2).c_str(), padded("method", width + 2).c_str());
   std::string last;
-  for (const Row& row : rows) {
+  for (const EvalRow& row : rows) {
     if (const std::string now = title(row); now != last) {
       std::fprintf(out, "%s\n", now.c_str());
       last = now;
@@ -134,7 +128,7 @@ void print(const EvalReport& report, std::FILE* out) {
 Json to_json(const EvalReport& report) {
   Json json = report.about;
   Json& rows = json["rows"] = Json::array();
-  for (const Row& row : rows_of(report)) rows.push_back(to_json(row));
+  for (const EvalRow& row : rows_of(report)) rows.push_back(to_json(row));
   Json& skipped = json["skipped"] = Json::array();
   for (const SkippedShape& one : report.skipped)
     skipped.push_back({{"shape", one.shape}, {"reason", one.reason}});

@@ -17,6 +17,7 @@ struct EvalPair {
   std::size_t sample = 0;
   double overlap = 0;
   PoseErrors errors;
+  Pose T_reference_source = {};  ///< that was estimated
 };
 
 struct EvalMethod {
@@ -40,6 +41,21 @@ struct EvalReport {
   std::vector<EvalSetting> settings;
   std::vector<SkippedShape> skipped;
 };
+
+/// A method's pairs, all of them or those in a bin of overlap.
+struct EvalRow {
+  const EvalSetting& setting;
+  std::optional<int> bin;
+  std::string method;
+  ErrorSummary summary;
+};
+
+/// Setting by setting: its methods, then bin by bin where there are pairs.
+std::vector<EvalRow> rows_of(const EvalReport& report);
+/// "opposed, s = 0.7, 1024 points"
+std::string title(const EvalSetting& setting);
+/// The same with the bin and the number of pairs.
+std::string title(const EvalRow& row);
 
 void print(const EvalReport& report, std::FILE* out);
 Json to_json(const EvalReport& report);
