@@ -6,6 +6,7 @@
 
 #include "cloud_input.hpp"
 #include "command.hpp"
+#include "device_choice.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -19,7 +20,7 @@ struct Options {
   std::string source, reference, pose = "identity", output, json, truth;
   RefineChoice choice;
   CloudOptions clouds;
-  std::uint64_t threads = 0;
+  DeviceChoice device;
 
   /// The start's file; empty: the identity.
   std::string start() const { return pose == "identity" ? "" : pose; }
@@ -57,7 +58,7 @@ Json result_json(const Options& options, const Refinement& result, const RefineO
   Json json = {{"source", options.source}, {"reference", options.reference}};
   json.update(pose_json(pose));
   json.update(
-      {{"backend", "cpu"},
+      {{"backend", name(device.backend())},
        {"device", device.name()},
        {"points", {{"source", pair.source.positions.count}, {"reference", pair.reference.positions.count}}},
        {"refinement", to_json(result, how)}});
@@ -84,11 +85,13 @@ int run(const Options& options) {
   if (!reference) return complain(reference.error());
 
   show_progress("refining");
-  const Device device = cpu_device(static_cast<unsigned>(options.threads));
+  const auto device = open_device(options.device);
+  if (!device) return complain(device.error());
   const CloudPair pair = {*source, *reference};
-  const auto refined = refine_poses(device, {&pair, 1}, {&start, 1}, *how);
+  const auto refined = refine_poses(**device, {&pair, 1}, {&start, 1}, *how);
   if (!refined)
     return complain(refined.error(), "source " + options.source + ", reference " + options.reference + ": ");
+  device->save_cache();
   const Refinement& result = refined->front();
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
   clear_progress();
@@ -98,7 +101,7 @@ int run(const Options& options) {
     return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));
   };
   const auto json = [&](const std::string& path) {
-    return write_json(path, result_json(options, result, *how, pair, device, *truth, elapsed.count()));
+    return write_json(path, result_json(options, result, *how, pair, **device, *truth, elapsed.count()));
   };
   const auto written = write_files({{options.output, cloud}, {options.json, json}});
   return written ? done : complain(written.error());
@@ -127,7 +130,7 @@ Command add_refine(CLI::App& root) {
   add_count(*app, "--points", options->clouds.points, 1, most_points,
             "Points to sample from a mesh (2048 unless given), and the most to use of a cloud");
   add_seed(*app, "--seed", options->clouds.seed, "Seed of that sampling");
-  add_count(*app, "--threads", options->threads, 0, 1024, "CPU threads; 0: every core");
+  add_device_options(*app, options->device);
   app->footer(
       "The pose with the better score is kept: 1 - min(1, (d/τ)² + |n - n'|²), averaged over the points of\n"
       "both clouds; d: distance to the other cloud, τ: three spacings of 512 points, n: the normals if both\n"

@@ -12,6 +12,7 @@
 #include "refine/score.hpp"
 #include "refine/surface_icp.hpp"
 #include "refine/transport.hpp"
+#include "refine/vulkan_driver.hpp"
 
 namespace bitr {
 
@@ -21,6 +22,8 @@ namespace {
 
 // Transport is worth its time up to here; more points than that make no better pose.
 constexpr std::size_t most_transported = 4'096;
+// Points that a Vulkan device is given at once, unless one pair has more.
+constexpr std::size_t most_together = 1 << 19;
 // Of a proposal's overlap, this much must have been near at the start.
 constexpr double least_near = 0.5;
 
@@ -269,11 +272,28 @@ class Refiner : public Stepper {
   TransportResult transport_;
 };
 
-Refinement refined(const CloudPair& pair, const Pose& start, const RefineOptions& options,
-                   const Workers& workers, Extent extent = Extent::all) {
-  Refiner refiner(pair, start, options, extent, workers);
-  drive(refiner, workers);
-  return refiner.result();
+// Refines as many pairs on the device as it holds at once; returns the first of those that are left.
+std::size_t refine_together(const Device& device, std::span<const CloudPair> pairs,
+                            std::span<const Pose> starts, const RefineOptions& options, std::size_t begin,
+                            std::vector<Refinement>& results) {
+  std::size_t end = begin, points = 0;
+  do {
+    points += pairs[end].source.positions.count + pairs[end].reference.positions.count;
+    ++end;
+  } while (end < pairs.size() &&
+           points + pairs[end].source.positions.count + pairs[end].reference.positions.count <=
+               most_together);
+  std::vector<std::unique_ptr<Refiner>> refiners(end - begin);
+  device.pool().parallel_for(refiners.size(), 1, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i)
+      refiners[i] =
+          std::make_unique<Refiner>(pairs[begin + i], starts[begin + i], options, Extent::all, Workers{});
+  });
+  std::vector<Stepper*> steppers;
+  for (const auto& refiner : refiners) steppers.push_back(refiner.get());
+  drive(steppers, *device.context(), device.pool());
+  for (std::size_t i = 0; i < refiners.size(); ++i) results[begin + i] = refiners[i]->result();
+  return end;
 }
 
 }  // namespace
@@ -297,11 +317,20 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
       if (!is_finite(starts[i])) refuse(which + "the start is not finite");
     }
     std::vector<Refinement> results(pairs.size());
+    if (device.context() && options.method == RefineMethod::icp) {
+      for (std::size_t begin = 0; begin < pairs.size();)
+        begin = refine_together(device, pairs, starts, options, begin, results);
+      return results;
+    }
     // One pair on all threads, or every thread with pairs of its own.
     const bool alone = pairs.size() < device.threads();
     const Workers workers{alone ? &device.pool() : nullptr};
     const auto run = [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) results[i] = refined(pairs[i], starts[i], options, workers);
+      for (std::size_t i = begin; i < end; ++i) {
+        Refiner refiner(pairs[i], starts[i], options, Extent::all, workers);
+        drive(refiner, workers);
+        results[i] = refiner.result();
+      }
     };
     if (alone)
       run(0, pairs.size());
@@ -315,7 +344,14 @@ Result<double> refinement_score(const Device& device, const CloudPair& pair, con
   return guarded([&]() -> Result<double> {
     require_surface(pair.source, "source");
     require_surface(pair.reference, "reference");
-    return refined(pair, T_reference_source, {}, Workers{&device.pool()}, Extent::score).score_before;
+    const Workers workers{&device.pool()};
+    Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
+    Stepper* stepper = &refiner;
+    if (device.context())
+      drive({&stepper, 1}, *device.context(), device.pool());
+    else
+      drive(refiner, workers);
+    return refiner.result().score_before;
   });
 }
 

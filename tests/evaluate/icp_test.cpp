@@ -9,45 +9,27 @@
 
 #include "core/random.hpp"
 #include "refine/principal_axes.hpp"
-#include "support/golden.hpp"
+#include "support/golden_refinement.hpp"
 
 namespace bitr {
 namespace {
 
-class RefineGolden : public testing::TestWithParam<const char*> {
- protected:
-  std::vector<double> values(const std::string& name) const {
-    return tensors_.tensors.at(std::string(GetParam()) + "." + name).to_double();
-  }
-  std::vector<Vec3d> points(const std::string& name) const {
-    const std::vector<double> flat = values(name);
-    std::vector<Vec3d> rows(flat.size() / 3);
-    for (std::size_t i = 0; i < flat.size(); ++i) rows[i / 3][i % 3] = flat[i];
-    return rows;
-  }
-  Pose pose(const std::string& suffix) const {
-    const std::vector<double> R = values("R" + suffix), t = values("t" + suffix);
-    Pose pose;
-    std::copy(R.begin(), R.end(), pose.rotation.begin());
-    std::copy(t.begin(), t.end(), pose.translation.begin());
-    return pose;
-  }
-  const TensorMap tensors_ = test::read_tensors(test::golden_path("refine.safetensors"));
-};
+TEST(RefineGolden, EqualsTheOfficialIterations) {
+  for (const char* name : {"icp0", "icp1"}) {
+    const test::GoldenRefinement golden(name);
+    const std::vector<Vec3d> source = golden.cloud("src").positions,
+                             reference = golden.cloud("ref").positions;
+    const Pose start = golden.pose("_init");
+    const refine::IcpResult first = refine::Icp(reference, {.most_iterations = 1}).align(source, start);
+    EXPECT_LE(rotation_error_degrees(first.T_reference_source, golden.pose("_after1")), 1e-8) << name;
+    EXPECT_LE(translation_error(first.T_reference_source, golden.pose("_after1")), 1e-10) << name;
 
-TEST_P(RefineGolden, EqualsTheOfficialIterations) {
-  const std::vector<Vec3d> source = points("src"), reference = points("ref");
-  const refine::IcpResult first = refine::Icp(reference, {.most_iterations = 1}).align(source, pose("_init"));
-  EXPECT_LE(rotation_error_degrees(first.T_reference_source, pose("_after1")), 1e-8);
-  EXPECT_LE(translation_error(first.T_reference_source, pose("_after1")), 1e-10);
-
-  const refine::IcpResult last = refine::Icp(reference).align(source, pose("_init"));
-  EXPECT_EQ(last.iterations, static_cast<int>(values("iters")[0]));
-  EXPECT_LE(rotation_error_degrees(last.T_reference_source, pose("")), 1e-8);
-  EXPECT_LE(translation_error(last.T_reference_source, pose("")), 1e-10);
+    const refine::IcpResult last = refine::Icp(reference).align(source, start);
+    EXPECT_EQ(last.iterations, static_cast<int>(golden.values("iters")[0])) << name;
+    EXPECT_LE(rotation_error_degrees(last.T_reference_source, golden.pose("")), 1e-8) << name;
+    EXPECT_LE(translation_error(last.T_reference_source, golden.pose("")), 1e-10) << name;
+  }
 }
-
-INSTANTIATE_TEST_SUITE_P(Refine, RefineGolden, testing::Values("icp0", "icp1"));
 
 PointCloud aircraft(std::uint64_t seed, std::size_t points) {
   return generate_shape("aircraft", seed, points).value().cloud;

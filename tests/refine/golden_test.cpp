@@ -6,46 +6,24 @@
 #include <cmath>
 
 #include "refine/transport.hpp"
-#include "support/golden.hpp"
+#include "support/golden_refinement.hpp"
 
 namespace bitr {
 namespace {
 
-class Refinements {
- public:
-  explicit Refinements(std::string name) : name_(std::move(name)) {}
-  std::vector<double> values(const std::string& suffix) const {
-    return tensors_.tensors.at(name_ + "." + suffix).to_double();
-  }
-  PointCloud cloud(const std::string& suffix) const {
-    const std::vector<double> flat = values(suffix);
-    PointCloud cloud;
-    cloud.positions.resize(flat.size() / 3);
-    for (std::size_t i = 0; i < flat.size(); ++i) cloud.positions[i / 3][i % 3] = flat[i];
-    return cloud;
-  }
-  Pose pose(const std::string& suffix) const {
-    const std::vector<double> R = values("R" + suffix), t = values("t" + suffix);
-    Pose pose;
-    std::copy(R.begin(), R.end(), pose.rotation.begin());
-    std::copy(t.begin(), t.end(), pose.translation.begin());
-    return pose;
-  }
-  Refinement run(RefineMethod method, std::optional<int> most_iterations = {}) const {
-    const PointCloud source = cloud("src"), reference = cloud("ref");
-    const CloudPair pair = {source, reference};
-    const Pose start = pose("_init");
-    auto refined = refine_poses(
-        cpu_device(2), {&pair, 1}, {&start, 1},
-        {.method = method, .protocol = RefineProtocol::official, .most_iterations = most_iterations});
-    EXPECT_TRUE(refined) << (refined ? "" : refined.error().message);
-    return refined->front();
-  }
+using test::GoldenRefinement;
 
- private:
-  std::string name_;
-  TensorMap tensors_ = test::read_tensors(test::golden_path("refine.safetensors"));
-};
+Refinement run(const GoldenRefinement& golden, RefineMethod method, std::optional<int> most_iterations = {},
+               const Device& device = cpu_device(2)) {
+  const PointCloud source = golden.cloud("src"), reference = golden.cloud("ref");
+  const CloudPair pair = {source, reference};
+  const Pose start = golden.pose("_init");
+  auto refined = refine_poses(
+      device, {&pair, 1}, {&start, 1},
+      {.method = method, .protocol = RefineProtocol::official, .most_iterations = most_iterations});
+  EXPECT_TRUE(refined) << (refined ? "" : refined.error().message);
+  return refined->front();
+}
 
 void expect_near(const Pose& pose, const Pose& official) {
   EXPECT_LE(rotation_error_degrees(pose, official), 1e-8);
@@ -54,9 +32,9 @@ void expect_near(const Pose& pose, const Pose& official) {
 
 TEST(RefineGolden, Icp) {
   for (const char* name : {"icp0", "icp1"}) {
-    const Refinements golden(name);
-    expect_near(golden.run(RefineMethod::icp, 1).proposal, golden.pose("_after1"));
-    const Refinement last = golden.run(RefineMethod::icp);
+    const GoldenRefinement golden(name);
+    expect_near(run(golden, RefineMethod::icp, 1).proposal, golden.pose("_after1"));
+    const Refinement last = run(golden, RefineMethod::icp);
     expect_near(last.proposal, golden.pose(""));
     EXPECT_EQ(last.iterations, static_cast<int>(golden.values("iters")[0])) << name;
     EXPECT_TRUE(last.converged);
@@ -64,16 +42,16 @@ TEST(RefineGolden, Icp) {
 }
 
 TEST(RefineGolden, OptimalTransport) {
-  const Refinements golden("ot0");
-  expect_near(golden.run(RefineMethod::transport, 1).proposal, golden.pose("_after1"));
-  const Refinement last = golden.run(RefineMethod::transport);
+  const GoldenRefinement golden("ot0");
+  expect_near(run(golden, RefineMethod::transport, 1).proposal, golden.pose("_after1"));
+  const Refinement last = run(golden, RefineMethod::transport);
   expect_near(last.proposal, golden.pose(""));
   EXPECT_EQ(last.iterations, 79);  // the official code counts from 0 and says 78
   EXPECT_TRUE(last.converged);
 }
 
 TEST(RefineGolden, TheFirstTransportPlan) {
-  const Refinements golden("ot0");
+  const GoldenRefinement golden("ot0");
   const PointCloud source = golden.cloud("src"), reference = golden.cloud("ref");
   refine::Sinkhorn plan({source.positions, {}, 0}, {reference.positions, {}, 0}, {});
   plan.move_source(golden.pose("_init"));

@@ -57,11 +57,11 @@ Eigen::MatrixXd dense_log_plan(const std::vector<Vec3d>& X, const std::vector<Ve
 TEST(Sinkhorn, StreamedIsDense) {
   Random random(1);
   for (const auto& [n, m, normals] : {std::tuple{3, 3, false},
-                                     {5, 64, false},
-                                     {64, 5, true},
-                                     {65, 130, true},
-                                     {200, 127, false},
-                                     {300, 300, true}}) {
+                                      {5, 64, false},
+                                      {64, 5, true},
+                                      {65, 130, true},
+                                      {200, 127, false},
+                                      {300, 300, true}}) {
     const auto X = random_points(random, n), Y = random_points(random, m);
     const auto NX = normals ? random_normals(random, n) : std::vector<Vec3d>{};
     const auto NY = normals ? random_normals(random, m) : std::vector<Vec3d>{};

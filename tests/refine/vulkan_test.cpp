@@ -1,0 +1,180 @@
+// Refinement on a Vulkan device: what the CPU's gives, for any sizes and any number of pairs at once.
+#include <gtest/gtest.h>
+
+#include <bitr/generate.hpp>
+#include <bitr/refine.hpp>
+#include <cmath>
+#include <memory>
+
+#include "cpu/thread_pool.hpp"
+#include "support/golden_refinement.hpp"
+#include "support/random_motion.hpp"
+#include "support/vulkan.hpp"
+
+namespace bitr {
+namespace {
+
+class RefineVulkan : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
+    device_.emplace(std::make_shared<cpu::ThreadPool>(2), test::vulkan());
+  }
+  const Device& device() const { return *device_; }
+
+ private:
+  std::optional<Device> device_;
+};
+
+struct Pairs {
+  std::vector<std::unique_ptr<PointCloud>> clouds;
+  std::vector<CloudPair> pairs;
+  std::vector<Pose> starts;
+  void add(PointCloud source, PointCloud reference, const Pose& start) {
+    clouds.push_back(std::make_unique<PointCloud>(std::move(source)));
+    clouds.push_back(std::make_unique<PointCloud>(std::move(reference)));
+    pairs.push_back({*clouds[clouds.size() - 2], *clouds.back()});
+    starts.push_back(start);
+  }
+};
+
+/// A cloud without symmetry, parts of two samples of it, and a start a little off.
+void add_pair(Pairs& pairs, Random& random, std::size_t source_points, std::size_t reference_points,
+              bool normals, double scale = 1) {
+  const auto seed = random.below(1000);
+  const Pose truth = test::random_pose(random, scale);
+  const auto sample = [&](std::size_t points, std::size_t of, const Pose& motion) {
+    PointCloud cloud = generate_shape("aircraft", seed, of).value().cloud;
+    cloud.positions.resize(points);
+    for (Vec3d& point : cloud.positions) {
+      for (double& x : point) x = scale * (x + 0.003 * random.normal());
+      point = motion.apply(point);
+    }
+    cloud.normals.resize(normals ? points : 0);
+    for (Vec3f& n : cloud.normals) {
+      const Vec3d turned = motion.rotate({n[0], n[1], n[2]});
+      n = {static_cast<float>(turned[0]), static_cast<float>(turned[1]), static_cast<float>(turned[2])};
+    }
+    return cloud;
+  };
+  Pose off = test::random_pose(random, 0.01 * scale);
+  const double c = std::cos(0.12), s = std::sin(0.12);
+  off.rotation = {c, -s, 0, s, c, 0, 0, 0, 1};
+  const std::size_t of = std::max({source_points, reference_points, std::size_t{8}});
+  pairs.add(sample(source_points, of, {}), sample(reference_points, of + of / 5, truth), truth * off);
+}
+
+std::vector<Refinement> refined(const Device& device, const Pairs& pairs, const RefineOptions& options) {
+  auto results = refine_poses(device, pairs.pairs, pairs.starts, options);
+  EXPECT_TRUE(results) << (results ? "" : results.error().message);
+  return results ? std::move(*results) : std::vector<Refinement>(pairs.pairs.size());
+}
+
+void expect_equal(const Refinement& vulkan, const Refinement& cpu, const std::string& which) {
+  EXPECT_LE(rotation_error_degrees(vulkan.proposal, cpu.proposal), 1e-3) << which;
+  EXPECT_LE(translation_error(vulkan.proposal, cpu.proposal), 1e-4 * cpu.spacing) << which;
+  EXPECT_NEAR(vulkan.iterations, cpu.iterations, 1) << which;
+  EXPECT_NEAR(vulkan.score_before, cpu.score_before, 1e-6) << which;
+  EXPECT_NEAR(vulkan.score_after, cpu.score_after, 1e-5) << which;
+  EXPECT_EQ(vulkan.improved, cpu.improved) << which;
+  EXPECT_EQ(vulkan.reason.empty(), cpu.reason.empty()) << which;
+  EXPECT_GE(vulkan.improved ? vulkan.score_after : vulkan.score_before, vulkan.score_before) << which;
+}
+
+TEST_F(RefineVulkan, IcpIsTheOfficialCodes) {
+  for (const char* name : {"icp0", "icp1"}) {
+    const test::GoldenRefinement golden(name);
+    Pairs pairs;
+    pairs.add(golden.cloud("src"), golden.cloud("ref"), golden.pose("_init"));
+    const Refinement result = refined(device(), pairs, {.protocol = RefineProtocol::official}).front();
+    EXPECT_LE(rotation_error_degrees(result.proposal, golden.pose("")), 1e-3) << name;
+    EXPECT_LE(translation_error(result.proposal, golden.pose("")), 1e-5) << name;
+    EXPECT_NEAR(result.iterations, golden.values("iters")[0], 1) << name;
+  }
+}
+
+TEST_F(RefineVulkan, EqualsTheCpu) {
+  Random random(1);
+  Pairs pairs;
+  for (const auto& [n, m, normals] : {std::tuple{3, 3, false},
+                                      {3, 65, true},
+                                      {31, 5, true},
+                                      {33, 32, false},
+                                      {63, 64, true},
+                                      {64, 65, false},
+                                      {65, 300, true},
+                                      {900, 257, false},
+                                      {1500, 2200, true},
+                                      {4500, 3000, true}})
+    add_pair(pairs, random, n, m, normals, std::exp(random.uniform(-3, 3)));
+  for (const RefineProtocol protocol : {RefineProtocol::adaptive, RefineProtocol::official})
+    for (const double overlap : {0.0, 0.2}) {
+      const RefineOptions options{.protocol = protocol, .least_overlap = overlap};
+      const auto vulkan = refined(device(), pairs, options);
+      const auto cpu = refined(cpu_device(2), pairs, options);
+      for (std::size_t i = 0; i < cpu.size(); ++i)
+        expect_equal(vulkan[i], cpu[i], "pair " + std::to_string(i) + ", " + std::string(name(protocol)));
+    }
+}
+
+TEST_F(RefineVulkan, BatchesChangeNothing) {
+  Random random(2);
+  Pairs pairs;
+  for (int i = 0; i < 7; ++i) add_pair(pairs, random, 30 + random.below(400), 30 + random.below(400), i % 2);
+  for (const RefineMethod method : {RefineMethod::icp}) {
+    const RefineOptions options{.method = method};
+    const auto together = refined(device(), pairs, options);
+    const auto some =
+        refine_poses(device(), std::span(pairs.pairs).first(3), std::span(pairs.starts).first(3), options)
+            .value();
+    for (std::size_t i = 0; i < together.size(); ++i) {
+      const auto alone = refine_poses(device(), {&pairs.pairs[i], 1}, {&pairs.starts[i], 1}, options).value();
+      for (const Refinement* other : {&alone.front(), i < some.size() ? &some[i] : &alone.front()}) {
+        EXPECT_EQ(together[i].proposal.rotation, other->proposal.rotation) << i;
+        EXPECT_EQ(together[i].proposal.translation, other->proposal.translation) << i;
+        EXPECT_EQ(together[i].score_after, other->score_after) << i;
+        EXPECT_EQ(together[i].iterations, other->iterations) << i;
+      }
+    }
+  }
+}
+
+TEST_F(RefineVulkan, FromWhereverItStarts) {
+  Random random(3);
+  Pairs pairs;
+  for (int i = 0; i < 60; ++i) {
+    add_pair(pairs, random, 20 + random.below(60), 20 + random.below(60), i % 2);
+    // Some from so far away that single precision no longer tells points apart.
+    pairs.starts.back() = test::random_pose(random, i % 3 == 0 ? 1e9 : 0.5);
+  }
+  for (const RefineProtocol protocol : {RefineProtocol::adaptive, RefineProtocol::official}) {
+    const RefineOptions options{.protocol = protocol, .least_overlap = 0, .most_iterations = 30};
+    const auto vulkan = refined(device(), pairs, options);
+    for (std::size_t i = 0; i < vulkan.size(); ++i) {
+      const double score = refinement_score(device(), pairs.pairs[i], vulkan[i].T_reference_source).value();
+      EXPECT_GE(vulkan[i].improved ? vulkan[i].score_after : vulkan[i].score_before, vulkan[i].score_before);
+      EXPECT_NEAR(
+          score, refinement_score(cpu_device(1), pairs.pairs[i], vulkan[i].T_reference_source).value(), 1e-6);
+    }
+  }
+}
+
+TEST_F(RefineVulkan, ManyPointsAtOnePlace) {
+  PointCloud source, reference;
+  source.positions.assign(3000, {1, 2, 3});
+  reference.positions.assign(5000, {1, 2, 3});
+  for (int i = 0; i < 100; ++i) {
+    source.positions.push_back({1 + 0.01 * i, 2, 3});
+    reference.positions.push_back({1, 2 + 0.01 * i, 3});
+  }
+  Pairs pairs;
+  pairs.add(source, reference, {});
+  for (const RefineProtocol protocol : {RefineProtocol::adaptive, RefineProtocol::official}) {
+    const RefineOptions options{.protocol = protocol, .least_overlap = 0, .most_iterations = 5};
+    const Refinement vulkan = refined(device(), pairs, options).front();
+    EXPECT_NEAR(vulkan.score_before, refined(cpu_device(1), pairs, options).front().score_before, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace bitr
