@@ -31,7 +31,7 @@ struct Options {
   Split split = Split::test;  ///< what it comes to
   std::uint64_t shapes = 10'000, samples = 200, seed = 0, batch = 8;
   double noise = 0.01;
-  bool same_points = false;
+  bool same_points = false, confidence = false;
   std::optional<double> keep;
   DeviceChoice device;
 };
@@ -170,11 +170,21 @@ void add_once(std::vector<Follow>& list, Follow follow) {
   if (std::find(list.begin(), list.end(), follow) == list.end()) list.push_back(follow);
 }
 
-void record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
-            std::size_t first) {
-  for (std::size_t i = 0; i < batch.size(); ++i)
+Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
+                    std::span<const std::optional<NetworkEvidence>> evidence, std::size_t first,
+                    const Estimation& how) {
+  std::vector<Confidence> judged;
+  if (how.confidence) {
+    auto found = judge_poses(how.device, pairs_of(batch), poses, evidence);
+    if (!found) return tl::unexpected(found.error());
+    judged = std::move(*found);
+  }
+  for (std::size_t i = 0; i < batch.size(); ++i) {
     rows.pairs.push_back(
         {batch[i].shape, first + i, batch[i].overlap, errors_of(poses[i], batch[i]), poses[i]});
+    if (how.confidence) rows.pairs.back().confidence = std::move(judged[i]);
+  }
+  return {};
 }
 
 Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const DataSet& data,
@@ -190,24 +200,28 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
     for (const Follow follow : method.refined)
       result.methods.push_back({method.name + "+" + std::string(name(follow)), {}});
   }
-  const Estimation how{device, options.methods.mode, setting.keep};
+  const Estimation how{device, options.methods.mode, setting.keep, options.confidence};
   for (std::size_t first = 0; first < options.samples; first += options.batch) {
     const auto batch =
         draw(data, first, std::min<std::size_t>(options.batch, options.samples - first), device);
     if (!batch) return tl::unexpected(batch.error());
     std::size_t row = 0;
+    const auto failed = [&](const Error& error, const std::string& name) {
+      return fail(error.code, name + ", samples from " + std::to_string(first) + " on: " + error.message);
+    };
     for (Method& method : methods) {
-      const auto poses = estimate(method, *batch, how);
-      if (!poses)
-        return fail(poses.error().code, method.name + ", samples from " + std::to_string(first) +
-                                            " on: " + poses.error().message);
-      if (method.plain) record(result.methods[row++], *batch, *poses, first);
+      const auto found = estimate(method, *batch, how);
+      if (!found) return failed(found.error(), method.name);
+      const auto add = [&](const std::vector<Pose>& poses) {
+        return record(result.methods[row++], *batch, poses, found->evidence, first, how);
+      };
+      if (method.plain)
+        if (const auto added = add(found->poses); !added) return failed(added.error(), method.name);
       for (const Follow follow : method.refined) {
-        const auto better = refined(*poses, follow, *batch, how);
-        if (!better)
-          return fail(better.error().code, result.methods[row].name + ", samples from " +
-                                               std::to_string(first) + " on: " + better.error().message);
-        record(result.methods[row++], *batch, *better, first);
+        const std::string& name = result.methods[row].name;
+        const auto better = refined(found->poses, follow, *batch, how);
+        if (!better) return failed(better.error(), name);
+        if (const auto added = add(*better); !added) return failed(added.error(), name);
       }
     }
     show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ", " +
@@ -361,6 +375,8 @@ Command add_eval(CLI::App& root) {
       ->type_name("NAME,…");
   app->add_flag_callback(
       "--icp", [options] { add_once(options->methods.refined, Follow::icp); }, "The same as --refine icp");
+  app->add_flag("--confidence", options->confidence,
+                "Also judge every pose, and say how well that told right from wrong");
   app->add_option(
          "--keep", options->keep,
          "Share of the points that pca-icp and trimmed-icp keep; by the protocol unless given, see below")

@@ -67,10 +67,8 @@ Result<void> add_controls(const std::vector<std::string>& names, std::vector<Met
   return {};
 }
 
-Result<std::vector<Pose>> run_network(Method& method, std::span<const DataSample> batch,
-                                      const Estimation& how) {
-  std::vector<CloudPair> pairs;
-  for (const DataSample& sample : batch) pairs.push_back({sample.source, sample.reference});
+Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, const Estimation& how) {
+  const std::vector<CloudPair> pairs = pairs_of(batch);
   const BatchShape needed = shape_of(pairs);
   const BatchShape held = method.plan ? method.plan->capacity() : BatchShape{0, 0};
   if (needed.pairs > held.pairs || needed.points > held.points) {
@@ -83,9 +81,14 @@ Result<std::vector<Pose>> run_network(Method& method, std::span<const DataSample
   const auto assemblies =
       assemble(*method.plan, pairs, {.complete_match = method.file.empty(), .diagnostics = false});
   if (!assemblies) return tl::unexpected(assemblies.error());
-  std::vector<Pose> poses;
-  for (const Assembly& assembly : *assemblies) poses.push_back(assembly.T_reference_source);
-  return poses;
+  Estimate estimate;
+  for (const Assembly& assembly : *assemblies) estimate.poses.push_back(assembly.T_reference_source);
+  if (how.confidence && !method.file.empty()) {
+    auto evidence = resample(*method.plan, pairs, *assemblies);
+    if (!evidence) return tl::unexpected(evidence.error());
+    estimate.evidence = std::move(*evidence);
+  }
+  return estimate;
 }
 
 /// of(i) for every sample of the batch, on all threads.
@@ -109,20 +112,26 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice) {
   return methods;
 }
 
-Result<std::vector<Pose>> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how) {
+std::vector<CloudPair> pairs_of(std::span<const DataSample> batch) {
+  std::vector<CloudPair> pairs;
+  for (const DataSample& sample : batch) pairs.push_back({sample.source, sample.reference});
+  return pairs;
+}
+
+Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how) {
   switch (method.way) {
     case Way::identity:
-      return std::vector<Pose>(batch.size());
+      return Estimate{std::vector<Pose>(batch.size())};
     case Way::network:
       return run_network(method, batch, how);
     case Way::principal_axes:
       break;
   }
-  return for_each_sample(batch, how.device, [&](std::size_t i) {
+  return Estimate{for_each_sample(batch, how.device, [&](std::size_t i) {
     return refine::icp_from_principal_axes(batch[i].source.positions, batch[i].reference.positions,
                                            {.keep = how.keep})
         .T_reference_source;
-  });
+  })};
 }
 
 std::string_view name(Follow follow) {
@@ -140,12 +149,10 @@ Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
           .align(batch[i].source.positions, poses[i])
           .T_reference_source;
     });
-  std::vector<CloudPair> pairs;
+  const std::vector<CloudPair> pairs = pairs_of(batch);
   std::vector<Pose> starts = poses;
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    pairs.push_back({batch[i].source, batch[i].reference});
-    if (!is_finite(starts[i])) starts[i] = {};
-  }
+  for (Pose& start : starts)
+    if (!is_finite(start)) start = {};
   const RefineMethod method = follow == Follow::icp ? RefineMethod::icp : RefineMethod::transport;
   const auto refinements = refine_poses(how.device, pairs, starts, {.method = method});
   if (!refinements) return tl::unexpected(refinements.error());

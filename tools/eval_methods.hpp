@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
+#include <bitr/confidence.hpp>
 #include <bitr/data.hpp>
 #include <optional>
 #include <span>
@@ -52,11 +53,17 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice);
 struct Estimation {
   const Device& device;
   std::optional<Mode> mode;
-  double keep;  ///< of trimmed ICP, as in refine::IcpOptions
+  double keep;      ///< of trimmed ICP, as in refine::IcpOptions
+  bool confidence;  ///< resample what a trained network says
 };
 
 /// T_reference_source of every sample.
-Result<std::vector<Pose>> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);
+struct Estimate {
+  std::vector<Pose> poses;
+  std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::confidence; else empty
+};
+Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);
+std::vector<CloudPair> pairs_of(std::span<const DataSample> batch);
 /// Each pose after that; one that is not finite stays.
 Result<std::vector<Pose>> refined(const std::vector<Pose>& poses, Follow follow,
                                   std::span<const DataSample> batch, const Estimation& how);

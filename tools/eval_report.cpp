@@ -18,6 +18,18 @@ ErrorSummary summarise_bin(const EvalMethod& method, std::optional<int> bin) {
   return summarise(errors);
 }
 
+void add_judgements(const EvalMethod& method, std::optional<int> bin, std::vector<Judgement>& judgements) {
+  for (const EvalPair& pair : method.pairs)
+    if (pair.confidence && (!bin || bin_of(pair.overlap) == *bin))
+      judgements.push_back({pair.confidence->value, near_truth(pair.errors)});
+}
+
+ConfidenceSummary summarise_confidence(const EvalMethod& method, std::optional<int> bin) {
+  std::vector<Judgement> judgements;
+  add_judgements(method, bin, judgements);
+  return summarise(judgements);
+}
+
 /// The shortest text that reads back as the same number.
 std::string text_of(double value) {
   char text[32];
@@ -45,6 +57,17 @@ Json to_json(const Distribution& d) {
   return {{"mean", d.mean}, {"std", d.std}, {"median", d.median}, {"median_error", d.median_error}};
 }
 
+Json to_json(const ConfidenceSummary& c) {
+  Json reliability = Json::array();
+  for (const ConfidenceBin& bin : c.bins)
+    reliability.push_back(
+        {{"low", bin.low}, {"high", bin.high}, {"poses", bin.poses}, {"said", bin.said}, {"was", bin.was}});
+  return {{"roc_area", c.area ? Json(*c.area) : Json(nullptr)},
+          {"said", c.said},
+          {"was", c.was},
+          {"reliability", std::move(reliability)}};
+}
+
 Json to_json(const EvalRow& row) {
   const ErrorSummary& s = row.summary;
   Json json = {{"protocol", row.setting.protocol},
@@ -64,7 +87,57 @@ Json to_json(const EvalRow& row) {
   json["success"] = {{"5deg_0.1", s.success_5}, {"15deg_0.3", s.success_15}};
   json["recall"] = {{"5deg", s.recall_5}, {"10deg", s.recall_10}, {"20deg", s.recall_20}};
   json["flips"] = s.flips;
+  if (row.confidence.poses > 0) json["confidence"] = to_json(row.confidence);
   return json;
+}
+
+/// Each method's confidences over all settings, in the order of the rows.
+std::vector<std::pair<std::string, ConfidenceSummary>> pooled_confidence(const EvalReport& report) {
+  std::vector<std::pair<std::string, std::vector<Judgement>>> pooled;
+  for (const EvalSetting& setting : report.settings)
+    for (const EvalMethod& method : setting.methods) {
+      auto found =
+          std::find_if(pooled.begin(), pooled.end(), [&](const auto& p) { return p.first == method.name; });
+      if (found == pooled.end()) found = pooled.insert(pooled.end(), {method.name, {}});
+      add_judgements(method, {}, found->second);
+    }
+  std::vector<std::pair<std::string, ConfidenceSummary>> summaries;
+  for (const auto& [name, judgements] : pooled)
+    if (!judgements.empty()) summaries.emplace_back(name, summarise(judgements));
+  return summaries;
+}
+
+std::string area_text(const ConfidenceSummary& c) {
+  if (!c.area) return "  –  ";
+  char text[16];
+  std::snprintf(text, sizeof text, "%5.3f", *c.area);
+  return text;
+}
+
+void print_confidence(const EvalReport& report, const std::vector<EvalRow>& rows, std::size_t width,
+                      std::FILE* out) {
+  const auto pooled = pooled_confidence(report);
+  if (pooled.empty()) return;
+  std::fprintf(out,
+               "\nconfidence: area under ROC; said, on average; was right (Δr ≤ 20°, Δt ≤ 0.1 diagonals)\n");
+  std::string last;
+  for (const EvalRow& row : rows) {
+    if (row.bin || row.confidence.poses == 0) continue;
+    if (const std::string now = title(row); now != last) {
+      std::fprintf(out, "%s\n", now.c_str());
+      last = now;
+    }
+    std::fprintf(out, "  %s  %s  %4.2f  %4.2f\n", padded(row.method, width).c_str(),
+                 area_text(row.confidence).c_str(), row.confidence.said, row.confidence.was);
+  }
+  std::fprintf(out, "all of them; reliability, said: was (poses)\n");
+  for (const auto& [name, summary] : pooled) {
+    std::fprintf(out, "  %s  %s  %4.2f  %4.2f ", padded(name, width).c_str(), area_text(summary).c_str(),
+                 summary.said, summary.was);
+    for (const ConfidenceBin& bin : summary.bins)
+      std::fprintf(out, " %.2f: %.2f (%zu)", bin.said, bin.was, bin.poses);
+    std::fputc('\n', out);
+  }
 }
 
 std::string quoted(const std::string& field) {
@@ -85,7 +158,8 @@ std::vector<EvalRow> rows_of(const EvalReport& report) {
     for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
       for (const EvalMethod& method : setting.methods) {
         const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
-        EvalRow row{setting, which, method.name, summarise_bin(method, which)};
+        EvalRow row{setting, which, method.name, summarise_bin(method, which),
+                    summarise_confidence(method, which)};
         if (row.summary.pairs > 0) rows.push_back(std::move(row));
       }
   return rows;
@@ -123,12 +197,14 @@ void print(const EvalReport& report, std::FILE* out) {
     std::fprintf(out, "  %s", padded(row.method, width).c_str());
     print(row.summary, out);
   }
+  print_confidence(report, rows, width, out);
 }
 
 Json to_json(const EvalReport& report) {
   Json json = report.about;
   Json& rows = json["rows"] = Json::array();
   for (const EvalRow& row : rows_of(report)) rows.push_back(to_json(row));
+  for (const auto& [name, summary] : pooled_confidence(report)) json["confidence"][name] = to_json(summary);
   Json& skipped = json["skipped"] = Json::array();
   for (const SkippedShape& one : report.skipped)
     skipped.push_back({{"shape", one.shape}, {"reason", one.reason}});
@@ -136,7 +212,10 @@ Json to_json(const EvalReport& report) {
 }
 
 std::string to_csv(const EvalReport& report) {
-  std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed\n";
+  std::string csv =
+      "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed,confidence,score,"
+      "fit_overlap,rims,interpenetration,rotation_gap,spread,refined_by\n";
+  const auto optional = [](const std::optional<double>& value) { return value ? text_of(*value) : ""; };
   for (const EvalSetting& setting : report.settings)
     for (const EvalMethod& method : setting.methods)
       for (const EvalPair& pair : method.pairs) {
@@ -145,7 +224,18 @@ std::string to_csv(const EvalReport& report) {
                (setting.share ? text_of(*setting.share) : "") + ',' + text_of(pair.overlap) + ',' +
                text_of(e.rotation) + ',' + text_of(e.translation) + ',' + text_of(e.translation_fraction) +
                ',' + quoted(method.name) + ',' + std::to_string(setting.points) + ',' +
-               std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0") + '\n';
+               std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0");
+        if (pair.confidence) {
+          const Evidence& why = pair.confidence->evidence;
+          for (const double value :
+               {pair.confidence->value, why.score, why.overlap, why.rims, why.interpenetration})
+            csv += ',' + text_of(value);
+          for (const auto& value : {why.rotation_gap, why.spread, why.refined_by})
+            csv += ',' + optional(value);
+        } else {
+          csv += ",,,,,,,,";
+        }
+        csv += '\n';
       }
   return csv;
 }

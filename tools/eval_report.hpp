@@ -1,6 +1,7 @@
 // What bitr eval found: a table for people, JSON of the same, and CSV of every pair.
 #pragma once
 
+#include <bitr/confidence.hpp>
 #include <bitr/evaluate.hpp>
 #include <cstdio>
 #include <optional>
@@ -18,6 +19,7 @@ struct EvalPair {
   double overlap = 0;
   PoseErrors errors;
   Pose T_reference_source = {};  ///< that was estimated
+  std::optional<Confidence> confidence = {};
 };
 
 struct EvalMethod {
@@ -48,6 +50,7 @@ struct EvalRow {
   std::optional<int> bin;
   std::string method;
   ErrorSummary summary;
+  ConfidenceSummary confidence;  ///< no poses where none was judged
 };
 
 /// Setting by setting: its methods, then bin by bin where there are pairs.

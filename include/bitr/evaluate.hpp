@@ -4,7 +4,9 @@
 #include <bitr/data.hpp>
 #include <bitr/pose.hpp>
 #include <cstddef>
+#include <optional>
 #include <span>
+#include <vector>
 
 namespace bitr {
 
@@ -43,5 +45,31 @@ struct ErrorSummary {
 
 /// All zeros for no pairs.
 ErrorSummary summarise(std::span<const PoseErrors> errors);
+
+/// Δr ≤ 20° and Δt ≤ 0.1 diagonals: what Confidence::value is the probability of.
+bool near_truth(const PoseErrors& errors);
+
+/// A pose's confidence, and whether it was near_truth().
+struct Judgement {
+  double confidence = 0;
+  bool right = false;
+};
+
+/// Poses whose confidence is in [low, high), 1 in the last.
+struct ConfidenceBin {
+  double low = 0, high = 0;
+  std::size_t poses = 0;
+  double said = 0;  ///< mean confidence
+  double was = 0;   ///< share that was right
+};
+
+struct ConfidenceSummary {
+  std::size_t poses = 0;
+  double said = 0, was = 0;    ///< of all poses, as in a bin
+  std::optional<double> area;  ///< under the ROC curve: the chance that a right pose has more confidence than
+                               ///< a wrong one, ties half; empty when all are right or all wrong
+  std::vector<ConfidenceBin> bins;  ///< tenths that have poses
+};
+ConfidenceSummary summarise(std::span<const Judgement> judgements);
 
 }  // namespace bitr
