@@ -5,6 +5,7 @@
 #pragma once
 
 #include <bitr/cloud.hpp>
+#include <bitr/pose.hpp>
 #include <bitr/result.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -71,6 +72,22 @@ enum class PlyEncoding { ascii, binary_little_endian };
 /// for NaN or infinite values, and for normals or colours that are not one per point.
 Result<void> write_ply(const std::filesystem::path& path, const PointCloud& cloud,
                        PlyEncoding encoding = PlyEncoding::binary_little_endian);
+
+/// A file's content with its cloud or mesh moved by T: positions become R x + t, normals (of points, of an
+/// OBJ, of facets and faces) R n, each in the type it has in the file (digits: the shortest that give the
+/// value of that type back, a double where the file does not say). Every other byte is as it was: other
+/// properties, fields and columns, colours, faces, comments, the header (a PCD's VIEWPOINT included); only
+/// the block of a compressed PCD is packed anew. Errors as of parse_geometry; `unsupported` when positions
+/// are of an integer type, `invalid_argument` when a moved value is beyond its type.
+Result<std::vector<std::byte>> moved_geometry(std::span<const std::byte> bytes, CloudFormat format,
+                                              std::string_view name, const Pose& T);
+
+/// Writes `in`, moved by T, to `out`, as write_file does. `invalid_argument` when `out` has another
+/// extension.
+Result<void> move_cloud_file(const std::filesystem::path& in, const std::filesystem::path& out,
+                             const Pose& T);
+/// Whether move_cloud_file could do it, but for writing; T has no say in that unless it leads beyond a type.
+Result<void> check_move(const std::filesystem::path& in, const std::filesystem::path& out);
 
 /// Writes `bytes` atomically: a temporary file in the same folder, flushed, renamed over `path`. On failure
 /// (`io`) the temporary is gone and an older file is as it was. An existing file keeps its permissions, a

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "io/mover.hpp"
+
 namespace bitr::io {
 
 int role_of(std::string_view column) {
@@ -60,7 +62,7 @@ Result<void> CloudBuilder::add(const Row& row, Place place) {
     cloud_.colors.push_back(color);
   }
   cloud_.positions.push_back({row[0], row[1], row[2]});
-  return {};
+  return file_.mover ? file_.mover->end_row(file_, place) : Result<void>();
 }
 
 Result<void> CloudBuilder::add_normal(const Row& row, Place place) {

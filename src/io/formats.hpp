@@ -8,10 +8,13 @@
 
 namespace bitr::io {
 
+class Mover;
+
 /// The whole content of one file. `name` only labels errors.
 struct File {
   std::span<const std::byte> bytes;
   std::string_view name;
+  Mover* mover = nullptr;  ///< to be told where points and normals stand, if there is one
 
   std::string_view text() const { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 };
@@ -23,6 +26,9 @@ Result<Geometry> parse_npy(const File& file);
 Result<Geometry> parse_obj(const File& file);
 Result<Geometry> parse_off(const File& file);
 Result<Geometry> parse_stl(const File& file);
+
+/// The parser of the format.
+Result<Geometry> parse_file(const File& file, CloudFormat format);
 
 /// What write_ply puts in the file. `invalid_argument` for NaN or infinite values, and for normals or colours
 /// that are not one per point.

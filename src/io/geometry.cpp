@@ -27,10 +27,8 @@ Result<CloudFormat> cloud_format(const std::filesystem::path& path) {
                                            " is not one of .ply .pcd .xyz .txt .csv .npy .obj .off .stl"));
 }
 
-Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format,
-                                std::string_view name) try {
-  const File file{bytes, name};
-  if (bytes.empty()) return refuse(ErrorCode::bad_file, file, "the file is empty");
+Result<Geometry> parse_file(const File& file, CloudFormat format) {
+  if (file.bytes.empty()) return refuse(ErrorCode::bad_file, file, "the file is empty");
   switch (format) {
     case CloudFormat::ply:
       return parse_ply(file);
@@ -48,6 +46,11 @@ Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat fo
       return parse_stl(file);
   }
   return refuse(ErrorCode::unsupported, file, "format ", static_cast<int>(format), " is none of CloudFormat");
+}
+
+Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format,
+                                std::string_view name) try {
+  return parse_file({bytes, name}, format);
 } catch (const std::bad_alloc&) {
   return fail(ErrorCode::io, text(label(name), ": too large for this machine's memory"));
 } catch (const std::length_error&) {

@@ -3,6 +3,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 #include "io/scalar.hpp"
 
 namespace bitr::io {
@@ -136,7 +137,11 @@ Result<Geometry> parse_npy(const File& file) {
   for (std::uint64_t i = 0; i < rows; ++i) {
     const std::size_t at = body + i * row_bytes;
     Row row{};
-    for (std::size_t k = 0; k < columns; ++k) row[k] = load_as<double>(type, &bytes[at + k * size_of(type)]);
+    for (std::size_t k = 0; k < columns; ++k) {
+      const std::byte* value = &bytes[at + k * size_of(type)];
+      row[k] = load_as<double>(type, value);
+      if (file.mover) file.mover->number(static_cast<int>(k), type, value);
+    }
     if (auto added = builder.add(row, Place::byte(at)); !added) return tl::unexpected(added.error());
   }
   auto cloud = builder.finish();

@@ -5,6 +5,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 
 namespace bitr::io {
 namespace {
@@ -66,23 +67,25 @@ class Parser {
       if (count == 7) return bad(file_, here(), "a vertex of more than 7 values");
       if (!parse_number(word, values[count]))
         return bad(file_, here(), "a vertex has ", in_quotes(word), ", not a finite number");
+      if (file_.mover && count < 3) file_.mover->word(static_cast<int>(count), word, values[count]);
       ++count;
     }
     if (count < 3) return bad(file_, here(), "a vertex of ", count, " values; x, y and z need 3");
     positions_.push_back({{values[0], values[1], values[2]}, lines_.number()});
     if (count >= 6) colors_.push_back({values[count - 3], values[count - 2], values[count - 1]});
-    return {};
+    return file_.mover ? file_.mover->end_row(file_, here()) : Result<void>();
   }
 
   Result<void> normal(Statement& statement) {
     Vec3d value;
-    for (double& component : value) {
+    for (int i = 0; i < 3; ++i) {
       const std::string_view word = statement.next();
-      if (!parse_number(word, component))
+      if (!parse_number(word, value[i]))
         return bad(file_, here(), "a normal has ", in_quotes(word), ", not a finite number");
+      if (file_.mover) file_.mover->word(role_nx + i, word, value[i]);
     }
     normals_.push_back(value);
-    return {};
+    return file_.mover ? file_.mover->end_row(file_, here()) : Result<void>();
   }
 
   Result<void> face(Statement& statement) {

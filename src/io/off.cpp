@@ -3,6 +3,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 
 namespace bitr::io {
 namespace {
@@ -91,7 +92,9 @@ class Parser {
     Words words(line);
     const int count = normals_ ? 6 : 3;
     for (int i = 0; i < count; ++i) {
-      if (auto read = number(words.next(), row[i]); !read) return read;
+      const std::string_view word = words.next();
+      if (auto read = number(word, row[i]); !read) return read;
+      if (file_.mover) file_.mover->word(i, word, row[i]);
     }
     for (int i = 0; colors_ && i < 3; ++i) {
       if (auto read = number(words.next(), row[role_red + i]); !read) return read;

@@ -7,6 +7,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 #include "io/scalar.hpp"
 
 namespace bitr::io {
@@ -196,6 +197,8 @@ Result<Geometry> parse_ascii(const File& file, const Header& header) {
         const bool good =
             field.role == packed_color ? parse_packed_color(word, row) : parse_number(word, row[field.role]);
         if (!good) return bad(file, place, in_quotes(field.name), " is ", in_quotes(word), ", not a number");
+        if (file.mover && field.role != packed_color)
+          file.mover->word(field.role, word, row[field.role], field.scalar);
       }
     }
     if (const auto extra = words.next(); !extra.empty())
@@ -223,6 +226,7 @@ Result<Geometry> parse_table(const File& file, const Header& header, std::span<c
         unpack_color(load<std::uint32_t>(&table[at]), row);
       } else {
         row[field.role] = load_as<double>(field.scalar, &table[at]);
+        if (file.mover) file.mover->number(field.role, field.scalar, &table[at]);
       }
     }
     const Place place = Place::byte(table_offset + (by_column ? 0 : i * header.row_bytes));
@@ -240,6 +244,21 @@ Result<Geometry> parse_binary(const File& file, const Header& header) {
                product(header.points, header.row_bytes), " bytes, ", table.size(), " remain");
   }
   return parse_table(file, header, table, header.bytes, false);
+}
+
+// The two sizes, then the block; empty when it is too large for them.
+std::vector<std::byte> compressed(std::span<const std::byte> table) {
+  // What LZF cannot shorten grows by a byte in 32.
+  const std::uint64_t most = table.size() + table.size() / 16 + 64;
+  if (most > std::numeric_limits<std::uint32_t>::max()) return {};
+  std::vector<std::byte> block(8 + most);
+  const auto unpacked = static_cast<std::uint32_t>(table.size());
+  const std::uint32_t packed =
+      lzf_compress(table.data(), unpacked, block.data() + 8, static_cast<std::uint32_t>(most));
+  std::memcpy(block.data(), &packed, 4);
+  std::memcpy(block.data() + 4, &unpacked, 4);
+  block.resize(8 + packed);
+  return block;
 }
 
 Result<Geometry> parse_compressed(const File& file, const Header& header) {
@@ -264,7 +283,13 @@ Result<Geometry> parse_compressed(const File& file, const Header& header) {
   if (written != unpacked)
     return bad(file, Place::byte(header.bytes + 8), "the LZF block is damaged: ", written, " of ", unpacked,
                " bytes");
-  return parse_table(file, header, table, header.bytes, true);
+  if (file.mover) file.mover->work_in(table);
+  auto read = parse_table(file, header, table, header.bytes, true);
+  if (!read || !file.mover) return read;
+  const auto moved = compressed(table);
+  if (moved.empty()) return refuse(ErrorCode::unsupported, file, "the moved block is over 2^32 bytes");
+  file.mover->replace(header.bytes, header.bytes + 8 + packed, moved);
+  return read;
 }
 
 }  // namespace

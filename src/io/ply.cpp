@@ -6,6 +6,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 #include "io/scalar.hpp"
 
 namespace bitr::io {
@@ -67,6 +68,12 @@ Result<Property> parse_property(const File& file, Place place, Words words) {
   return property;
 }
 
+// Faces have normals in some files: of no use to a reader, but moved with the rest.
+int normal_of(const Property& property) {
+  const int role = role_of(property.name);
+  return role >= role_nx && role < role_red ? role : no_role;
+}
+
 // One pass over the declared properties: what each is for, and whether the whole makes sense.
 Result<void> assign_roles(const File& file, Place place, Header& header) {
   const auto is_vertex = [](const Element& element) { return element.name == "vertex"; };
@@ -77,6 +84,7 @@ Result<void> assign_roles(const File& file, Place place, Header& header) {
     for (std::size_t i = 0; i < element.properties.size(); ++i) {
       Property& property = element.properties[i];
       if (is_vertex(element) && !property.length) property.role = role_of(property.name);
+      if (file.mover && element.name == "face" && !property.length) property.role = normal_of(property);
       if (!roles.add(property.role))
         return bad(file, place, "two properties mean ", in_quotes(property.name));
       const bool corners = property.name == "vertex_indices" || property.name == "vertex_index";
@@ -85,7 +93,11 @@ Result<void> assign_roles(const File& file, Place place, Header& header) {
       if (element.corners >= 0) return bad(file, place, "a face lists its vertices twice");
       element.corners = static_cast<int>(i);
     }
-    if (!is_vertex(element)) continue;
+    if (!is_vertex(element)) {
+      for (Property& property : element.properties)
+        if (!roles.normals()) property.role = no_role;
+      continue;
+    }
     if (!roles.positions()) return bad(file, place, "the vertices have no x, y and z");
     for (Property& property : element.properties) {
       if (property.role >= role_red ? !roles.colors() : property.role >= role_nx && !roles.normals())
@@ -183,6 +195,7 @@ class Body {
  private:
   bool has(int role) const {
     for (const Element& element : header_.elements) {
+      if (element.name != "vertex") continue;
       for (const Property& property : element.properties) {
         if (property.role == role) return true;
       }
@@ -235,13 +248,19 @@ class Body {
         if (!parse_number(word, row[property.role]))
           return bad(file_, place, in_quotes(property.name), " is ", in_quotes(word),
                      ", not a finite number");
+        if (file_.mover) file_.mover->word(property.role, word, row[property.role], property.type);
         row[property.role] *= color_scale(property);
       }
     }
     if (const std::string_view extra = words.next(); !extra.empty())
       return bad(file_, place, in_quotes(extra), " after the last property of ", in_quotes(element.name));
+    return end_row(element, row, place);
+  }
+
+  // Of other elements nothing is read but the corners; what is told to a mover is a face's normal.
+  Result<void> end_row(const Element& element, const Row& row, Place place) {
     if (element.name == "vertex") return builder_.add(row, place);
-    return {};
+    return file_.mover ? file_.mover->end_row(file_, place) : Result<void>();
   }
 
   Result<void> ascii_list(const Property& property, std::uint64_t length, Words& words, Place place,
@@ -288,8 +307,7 @@ class Body {
     Row row{};
     const std::byte* value = file_.bytes.data() + at_;
     for (const Property& property : element.properties) {
-      if (property.role != no_role)
-        row[property.role] = load_as<double>(property.type, value, order()) * color_scale(property);
+      if (property.role != no_role) load_value(property, value, row);
       value += size_of(property.type);
     }
     at_ += size;
@@ -313,12 +331,15 @@ class Body {
           return list;
         continue;
       }
-      if (property.role != no_role)
-        row[property.role] = load_as<double>(property.type, value, order()) * color_scale(property);
+      if (property.role != no_role) load_value(property, value, row);
       at_ += size_of(property.type);
     }
-    if (element.name == "vertex") return builder_.add(row, Place::byte(begin));
-    return {};
+    return end_row(element, row, Place::byte(begin));
+  }
+
+  void load_value(const Property& property, const std::byte* value, Row& row) {
+    row[property.role] = load_as<double>(property.type, value, order()) * color_scale(property);
+    if (file_.mover) file_.mover->number(property.role, property.type, value, order());
   }
 
   Result<void> binary_list(const Property& property, std::uint64_t length, bool corners) {

@@ -6,6 +6,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 #include "io/scalar.hpp"
 
 namespace bitr::io {
@@ -52,6 +53,27 @@ Result<void> check_finite(const File& file, Place place, const Vec3d& corner) {
   return {};
 }
 
+// Three numbers in bytes: a corner, or with role_nx a facet's normal.
+Result<void> move_triple(const File& file, int role, std::size_t offset) {
+  if (!file.mover) return {};
+  for (int i = 0; i < 3; ++i)
+    file.mover->number(role + i, ScalarType::f32, &file.bytes[offset + 4 * static_cast<std::size_t>(i)]);
+  return file.mover->end_row(file, Place::byte(offset));
+}
+
+// The rest of a line that begins with "facet".
+Result<void> move_normal(const File& file, Place place, Words words) {
+  if (!file.mover || words.next() != "normal") return {};
+  for (int i = 0; i < 3; ++i) {
+    const std::string_view word = words.next();
+    double value = 0;
+    if (!parse_number(word, value))
+      return bad(file, place, "a normal has ", in_quotes(word), ", not a number");
+    file.mover->word(role_nx + i, word, value);
+  }
+  return file.mover->end_row(file, place);
+}
+
 Result<Geometry> parse_binary(const File& file) {
   const auto& bytes = file.bytes;
   if (bytes.size() < header_bytes)
@@ -66,12 +88,15 @@ Result<Geometry> parse_binary(const File& file) {
   corners.reserve(3 * count);
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::size_t facet = header_bytes + i * facet_bytes;
+    if (auto moved = move_triple(file, role_nx, facet); !moved) return tl::unexpected(moved.error());
     for (std::size_t k = 1; k <= 3; ++k) {
       const std::byte* at = &bytes[facet + 12 * k];
       corners.push_back({load<float>(at), load<float>(at + 4), load<float>(at + 8)});
       const Place place = Place::byte(facet + 12 * k);
       if (auto finite = check_finite(file, place, corners.back()); !finite)
         return tl::unexpected(finite.error());
+      if (auto moved = move_triple(file, role_x, facet + 12 * k); !moved)
+        return tl::unexpected(moved.error());
     }
   }
   return weld(file, corners);
@@ -89,19 +114,24 @@ Result<Geometry> parse_ascii(const File& file) {
     const std::string_view key = words.next();
     if (key == "vertex") {
       Vec3d corner;
-      for (double& value : corner) {
+      for (int i = 0; i < 3; ++i) {
         const std::string_view word = words.next();
-        if (!parse_number(word, value))
+        if (!parse_number(word, corner[i]))
           return bad(file, place, "a corner has ", in_quotes(word), ", not a finite number");
+        if (file.mover) file.mover->word(i, word, corner[i]);
       }
       if (auto finite = check_finite(file, place, corner); !finite) return tl::unexpected(finite.error());
+      if (file.mover)
+        if (auto moved = file.mover->end_row(file, place); !moved) return tl::unexpected(moved.error());
       corners.push_back(corner);
       ++in_loop;
     } else if (key == "endloop" || key == "endfacet") {
       if (in_loop != 3 && (in_loop != 0 || key == "endloop"))
         return bad(file, place, "a facet of ", in_loop, " corners, not 3");
       in_loop = 0;
-    } else if (key != "facet" && key != "outer" && key != "endsolid" && key != "solid") {
+    } else if (key == "facet") {
+      if (auto moved = move_normal(file, place, words); !moved) return tl::unexpected(moved.error());
+    } else if (key != "outer" && key != "endsolid" && key != "solid") {
       return bad(file, place, in_quotes(key), " is not an STL keyword");
     }
   }

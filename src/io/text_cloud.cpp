@@ -6,6 +6,7 @@
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/mover.hpp"
 
 namespace bitr::io {
 namespace {
@@ -101,6 +102,7 @@ Result<void> read_row(const File& file, Place place, const Columns& columns, std
     ++column;
     if (role != no_role && !parse_number(cell, row[role]))
       return bad(file, place, "column ", column, " is ", in_quotes(cell), ", not a finite number");
+    if (file.mover && role != no_role) file.mover->word(role, cell, row[role]);
   }
   if (column != columns.roles.size())
     return bad(file, place, column, " columns; the first line has ", columns.roles.size());

@@ -18,6 +18,11 @@ inline bool finite(const auto& triple) {
   return std::isfinite(triple[0]) && std::isfinite(triple[1]) && std::isfinite(triple[2]);
 }
 
+inline void check(const Error& error) {
+  require(error.message.starts_with("fuzz.dat: ") && error.message.size() < 1200);
+  for (const char c : error.message) require(static_cast<unsigned char>(c) >= 0x20);
+}
+
 inline void check(const Geometry& geometry) {
   const PointCloud& cloud = geometry.cloud;
   require(cloud.size() > 0);
@@ -45,11 +50,14 @@ inline Result<Geometry> fuzz_geometry(const std::uint8_t* data, std::size_t size
   if (geometry) {
     check(*geometry);
   } else {
-    const Error& error = geometry.error();
-    require(error.code == ErrorCode::bad_file || error.code == ErrorCode::unsupported);
-    require(error.message.starts_with("fuzz.dat: ") && error.message.size() < 1200);
-    for (const char c : error.message) require(static_cast<unsigned char>(c) >= 0x20);
+    const ErrorCode code = geometry.error().code;
+    require(code == ErrorCode::bad_file || code == ErrorCode::unsupported);
+    check(geometry.error());
   }
+  const Pose T = {{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {1, -2, 3}};
+  const auto moved = moved_geometry({reinterpret_cast<const std::byte*>(data), size}, format, "fuzz.dat", T);
+  require(geometry || !moved);
+  if (!moved) check(moved.error());
   return geometry;
 }
 
