@@ -22,11 +22,12 @@ namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, output, image, view, json, truth;
+  std::string source, reference, output, applied, pose, image, view, json, truth;
   bool strict = false, verify = false;
   ModelOptions model;
   CloudOptions clouds;
   RefineChoice refine;
+  Restriction restriction;
   RunOptions run;
 };
 
@@ -66,6 +67,8 @@ Result<void> check_outputs(const Options& options) {
                 "--view " + options.view +
                     ": this build has no view; run tools/install_packages.sh, configure and build again");
   return tool::check_outputs({{"--output", options.output, "a cloud"},
+                              {"--applied", options.applied, "a cloud"},
+                              {"--pose", options.pose, "a pose"},
                               {"--json", options.json},
                               {"--image", options.image, "a picture"},
                               {"--view", options.view, "a page"},
@@ -97,7 +100,13 @@ Result<void> write_outputs(const Options& options, const CloudInput& source, con
   };
   const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
   const auto profile = [&](const std::string&) { return write_profile(options.run, report.plan); };
+  const auto applied = [&](const std::string& path) {
+    return io::move_cloud_file(options.source, path, assembly.T_reference_source);
+  };
+  const auto pose = [&](const std::string& path) { return write_pose(path, assembly.T_reference_source); };
   return write_files({{options.output, cloud},
+                      {options.applied, applied},
+                      {options.pose, pose},
                       {options.image, image},
                       {options.view, view},
                       {options.run.profile, profile},
@@ -106,7 +115,9 @@ Result<void> write_outputs(const Options& options, const CloudInput& source, con
 
 int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
-  const auto refinement = refine_options(options.refine, RefineProtocol::adaptive);
+  if (const auto checked = check_applied(options.source, options.applied); !checked)
+    return complain(checked.error());
+  auto refinement = refine_options(options.refine, RefineProtocol::adaptive);
   if (!refinement) return complain(refinement.error());
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
@@ -144,16 +155,30 @@ int run(Options& options) {
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
                         .truth = *truth};
+  const Vec3d centroid = centroid_of(source->cloud);
+  if (options.restriction.any() && report.assembly.status != Status::failed) {
+    report.restricted = restrict_assembly(options.restriction, centroid, report.assembly);
+    measure_overlap(pair, report.assembly.T_reference_source, (*device)->pool(), report.assembly.diagnostics);
+  }
   if (options.refine.method && report.assembly.status != Status::failed) {
     show_progress("refining");
     // On all of the points, of which the network may have seen some.
     const CloudPair whole = {source->cloud, reference->cloud};
+    if (report.restricted)
+      refinement->within = [&](const Pose& pose) {
+        return restricted(options.restriction, pose, centroid).pose;
+      };
     const auto refined =
         refine_poses(**device, {&whole, 1}, {&report.assembly.T_reference_source, 1}, *refinement);
     if (!refined) return complain(refined.error(), which);
     report.refinement = refined->front();
     report.refine_options = *refinement;
     report.assembly.T_reference_source = report.refinement->T_reference_source;
+    if (report.restricted) {
+      report.restricted->pose = report.assembly.T_reference_source;
+      report.restricted->turn_degrees =
+          restricted(options.restriction, report.restricted->pose, centroid).turn_degrees;
+    }
     if (report.refinement->improved)
       measure_overlap(pair, report.assembly.T_reference_source, (*device)->pool(),
                       report.assembly.diagnostics);
@@ -180,7 +205,7 @@ int run(Options& options) {
     if (options.strict) return complain(run_failed, what + "; nothing was written");
     warn(what);
   }
-  if (options.model.complete_match && assembly.diagnostics.overlap.value_or(1) < 0.9)
+  if (options.model.complete_match && !report.restricted && assembly.diagnostics.overlap.value_or(1) < 0.9)
     warn(which +
          "the pose leaves much of the source off the reference, so this is no moved copy and complete "
          "matching has no answer for it");
@@ -197,6 +222,7 @@ Command add_assemble(CLI::App& root) {
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
   app->add_option("-o,--output", options->output, "Write both clouds, assembled, to this PLY file")
       ->type_name("FILE");
+  add_pose_outputs(*app, options->applied, "--pose,--pose-out", options->pose);
   app->add_option("--image", options->image, "Draw both clouds, before and after, to this PNG file")
       ->type_name("FILE");
   app->add_option("--view", options->view, "Write a page with both clouds in 3-D, to be opened in a browser")
@@ -214,6 +240,7 @@ Command add_assemble(CLI::App& root) {
       ->expected(0, 1)
       ->default_str("icp");
   add_refine_options(*app, options->refine, "default");
+  add_restriction_options(*app, options->restriction);
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
@@ -222,10 +249,14 @@ Command add_assemble(CLI::App& root) {
   app->footer(
       "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"
+      "Restricted, it has the rotation R' of its family that is nearest to the network's R (Frobenius norm;\n"
+      "the identity for a shift), and t' = R c + t - R' c: the source's centroid c goes where it went.\n"
+      "Refinement starts there, and is restricted like it before its fit is compared with the start's.\n"
       "Exit status: 0 done; 1 ran, but the result is not to be used; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr assemble piece.ply other_piece.ply -o assembled.ply --json result.json\n"
       "  bitr assemble nose.ply tail.ply --model aircraft --refine=icp -o assembled.ply\n"
+      "  bitr assemble scan.pcd map.pcd --yaw-only=z --applied moved.pcd --pose pose.txt\n"
       "  bitr assemble scan.ply moved.ply --complete-match --json -");
   return {app, [options] { return run(*options); }};
 }

@@ -73,6 +73,7 @@ void print(const AssemblyReport& report, std::FILE* out) {
                mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
                plan.options().as_defined ? ", as defined" : "",
                report.complete_match ? ", complete match" : "");
+  if (report.restricted) std::fprintf(out, "restricted  to %s\n", describe(*report.restricted).c_str());
   print_diagnostics(report, out);
   if (report.refinement) print(*report.refinement, report.refine_options, out);
   std::fprintf(out, "time        %.1f ms on %s (%s), %u threads\n", report.total_milliseconds,
@@ -106,6 +107,7 @@ Json to_json(const AssemblyReport& report) {
        {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
        {"key_points",
         {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
+       {"restriction", report.restricted ? to_json(*report.restricted) : Json(nullptr)},
        {"diagnostics", diagnostics_json(report.assembly)},
        {"refinement",
         report.refinement ? to_json(*report.refinement, report.refine_options) : Json(nullptr)}});

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "output.hpp"
+#include "restriction.hpp"
 
 namespace bitr::tool {
 
@@ -19,6 +20,7 @@ struct AssemblyReport {
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
   std::optional<Pose> truth = {};
+  std::optional<Restricted> restricted = {};
   std::optional<Refinement> refinement = {};
   RefineOptions refine_options = {};  ///< of it
   std::vector<StageDifference> verification = {};

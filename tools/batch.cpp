@@ -8,6 +8,7 @@
 #include <future>
 #include <memory>
 
+#include "api/plan.hpp"
 #include "assembly_report.hpp"
 #include "batch_results.hpp"
 #include "cloud_input.hpp"
@@ -19,6 +20,7 @@
 #include "manifest.hpp"
 #include "options.hpp"
 #include "pose_file.hpp"
+#include "restriction.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -39,6 +41,7 @@ struct Options {
   std::uint64_t pairs = 16;
   Shard shard;
   CloudOptions clouds;
+  Restriction restriction;
   RunOptions run;
 };
 
@@ -64,6 +67,7 @@ Job end_of_jobs() {
 struct Outcome {
   Job job;
   std::optional<Assembly> assembly;
+  std::optional<Restricted> restricted = {};
 };
 
 /// The shard's pairs from a given one on; to be asked by one thread.
@@ -141,13 +145,23 @@ class Assembler {
     if (outcomes.empty()) return;
     auto assemblies = assemble_all(outcomes);
     if (assemblies) {
-      for (std::size_t i = 0; i < outcomes.size(); ++i) outcomes[i]->assembly = std::move((*assemblies)[i]);
+      for (std::size_t i = 0; i < outcomes.size(); ++i) take(std::move((*assemblies)[i]), *outcomes[i]);
     } else if (outcomes.size() == 1) {
       outcomes.front()->job.problem = assemblies.error().message;
     } else {
       // One of them is not to be assembled; the others should not suffer.
       for (Outcome* outcome : outcomes) submit({outcome});
     }
+  }
+
+  void take(Assembly assembly, Outcome& outcome) {
+    if (options_.restriction.any() && assembly.status != Status::failed) {
+      outcome.restricted =
+          restrict_assembly(options_.restriction, centroid_of(outcome.job.source->cloud), assembly);
+      measure_overlap(outcome.job.clouds(), assembly.T_reference_source, device_->pool(),
+                      assembly.diagnostics);
+    }
+    outcome.assembly = std::move(assembly);
   }
 
   Result<std::vector<Assembly>> assemble_all(const std::vector<Outcome*>& outcomes) {
@@ -200,6 +214,7 @@ Json line_of(const Outcome& outcome) {
   if (assembly.status == Status::failed) return line;
   line["transform"] = matrix_json(assembly.T_reference_source);
   line["points"] = {{"source", job.source->used.size()}, {"reference", job.reference->used.size()}};
+  if (outcome.restricted) line["restriction"] = to_json(*outcome.restricted);
   line["diagnostics"] = diagnostics_json(assembly);
   if (job.truth) line["errors"] = errors_json(assembly.T_reference_source, *job.truth);
   return line;
@@ -226,17 +241,19 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, BatchRe
 Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(manifest.fingerprint));
-  return {{"manifest", options.manifest},
-          {"manifest_fingerprint", hash},
-          {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
-          {"model", model.name()},
-          {"complete_match", options.model.complete_match},
-          {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
-          {"precision", precision_name(options.run.plan.precision)},
-          {"as_defined", options.run.plan.as_defined},
-          {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
-          {"seed", options.clouds.seed},
-          {"assembled", options.assembled}};
+  Json settings = {{"manifest", options.manifest},
+                   {"manifest_fingerprint", hash},
+                   {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
+                   {"model", model.name()},
+                   {"complete_match", options.model.complete_match},
+                   {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
+                   {"precision", precision_name(options.run.plan.precision)},
+                   {"as_defined", options.run.plan.as_defined},
+                   {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
+                   {"seed", options.clouds.seed},
+                   {"assembled", options.assembled}};
+  if (options.restriction.any()) settings["restriction"] = to_json(options.restriction);
+  return settings;
 }
 
 class Progress {
@@ -374,6 +391,7 @@ Command add_batch(CLI::App& root) {
   add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs that go to the device at once");
   add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
+  add_restriction_options(*app, options->restriction);
   add_run_options(*app, options->run);
   app->remove_option(app->get_option("--profile"));  // of one assemble()
   app->add_flag("--strict", options->strict, "Fail in the end when the pose of a pair is not determined");
@@ -385,6 +403,7 @@ Command add_batch(CLI::App& root) {
       "DIR/results.jsonl gets one line per pair, in the manifest's order, as pairs are done; a pair that "
       "cannot\n"
       "be read or assembled gets a line that says why, and the rest goes on.\n"
+      "Restricted poses are those of bitr assemble.\n"
       "Exit status: 0 done; 1 done, but some pairs have no usable pose; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr generate aircraft --out clouds --count 100 --seed 1\n"

@@ -84,6 +84,21 @@ CLI::Option* add_optional_json(CLI::App& app, std::string& path) {
   return add_json(app, path)->expected(0, 1)->default_str("-");
 }
 
+void add_pose_outputs(CLI::App& app, std::string& applied, const std::string& name, std::string& pose) {
+  app.add_option("--applied", applied,
+                 "Write the source, moved by the pose, in its own format and with all that it has besides")
+      ->type_name("FILE");
+  app.add_option(name, pose, "Write the pose's 4x4 matrix as four lines of text, in full precision")
+      ->type_name("FILE.txt");
+}
+
+Result<void> check_applied(const std::string& source, const std::string& applied) {
+  if (applied.empty()) return {};
+  auto movable = io::check_move(source, applied);
+  if (!movable) movable.error().message = "--applied " + applied + ": " + movable.error().message;
+  return movable;
+}
+
 void add_run_options(CLI::App& app, RunOptions& options) {
   add_device_options(app, options.device);
   add_choice<Precision>(app, "--precision", {{"f32", Precision::f32}, {"f64", Precision::f64}},

@@ -51,6 +51,11 @@ CLI::Option* add_json(CLI::App& app, std::string& path);
 /// --json with or without a file; "-" without.
 CLI::Option* add_optional_json(CLI::App& app, std::string& path);
 
+/// --applied, and a file of the 4×4 matrix under the given name.
+void add_pose_outputs(CLI::App& app, std::string& applied, const std::string& name, std::string& pose);
+/// Whether the source can be moved as --applied asks.
+Result<void> check_applied(const std::string& source, const std::string& applied);
+
 /// --model FILE|NAME, for find_model().
 CLI::Option* add_model(CLI::App& app, std::string& model, const std::string& otherwise);
 /// --protocol; returns a line for each, for the help's end.

@@ -4,6 +4,8 @@
 #include <bitr/io.hpp>
 #include <cmath>
 
+#include "io/complaint.hpp"
+#include "io/lines.hpp"
 #include "output.hpp"
 
 namespace bitr::tool {
@@ -22,15 +24,37 @@ bool is_rotation(const std::array<double, 9>& r) {
          0;
 }
 
+// Four lines of four numbers; lines that begin with "#" are comments.
+std::optional<Json> numbers_in(std::string_view content) {
+  Json rows = Json::array();
+  io::Lines lines(content);
+  for (std::string_view line; lines.next_filled(line);) {
+    Json row = Json::array();
+    io::Words words(line);
+    std::string_view word = words.next();
+    if (word.starts_with('#')) continue;
+    for (; !word.empty(); word = words.next()) {
+      double value = 0;
+      if (row.size() == 4 || !io::parse_number(word, value)) return std::nullopt;
+      row.push_back(value);
+    }
+    if (rows.size() == 4 || row.size() != 4) return std::nullopt;
+    rows.push_back(std::move(row));
+  }
+  return rows.size() == 4 ? std::optional(std::move(rows)) : std::nullopt;
+}
+
 }  // namespace
 
 Result<Pose> read_pose(const std::string& path) {
   const auto bytes = io::read_file(path);
   if (!bytes) return tl::unexpected(bytes.error());
   const char* text = reinterpret_cast<const char*>(bytes->data());
-  const Json json = Json::parse(text, text + bytes->size(), nullptr, false);
+  const std::string_view content(text, bytes->size());
+  if (const auto matrix = numbers_in(content)) return parse_pose(*matrix, path + ": its matrix");
+  const Json json = Json::parse(content, nullptr, false);
   const auto refuse = [&](const std::string& why) { return fail(ErrorCode::bad_file, path + ": " + why); };
-  if (!json.is_object()) return refuse("is no JSON object");
+  if (!json.is_object()) return refuse("is neither a JSON object nor four lines of four numbers");
   auto matrix = json.find("T_reference_source");
   if (matrix == json.end()) matrix = json.find("transform");
   if (matrix == json.end()) return refuse("has neither \"T_reference_source\" nor \"transform\"");
@@ -42,6 +66,16 @@ Result<std::optional<Pose>> read_optional_pose(const std::string& path) {
   const auto pose = read_pose(path);
   if (!pose) return tl::unexpected(pose.error());
   return *pose;
+}
+
+Result<void> write_pose(const std::string& path, const Pose& pose) {
+  const auto matrix = pose.matrix();
+  std::string text;
+  for (std::size_t i = 0; i < matrix.size(); ++i) {
+    io::append(text, matrix[i]);
+    text += i % 4 == 3 ? '\n' : ' ';
+  }
+  return io::write_file(path, std::as_bytes(std::span(text)));
 }
 
 Result<Pose> parse_pose(const Json& matrix, const std::string& name) {

@@ -1,4 +1,4 @@
-// Poses in JSON files: what `bitr generate` and `bitr assemble --json` write; and in reports.
+// Poses in files, JSON as `bitr generate` and `bitr assemble --json` write it or 4×4 numbers, and in reports.
 #pragma once
 
 #include <bitr/pose.hpp>
@@ -11,11 +11,14 @@
 
 namespace bitr::tool {
 
-/// The 4×4 matrix under "T_reference_source" or "transform". `bad_file` when it is not there or is no rigid
-/// motion.
+/// The 4×4 matrix under "T_reference_source" or "transform" of a JSON object; of any other file its numbers,
+/// four lines of four. `bad_file` when it is not there or is no rigid motion.
 Result<Pose> read_pose(const std::string& path);
 /// The same of an option's file; an empty path names none.
 Result<std::optional<Pose>> read_optional_pose(const std::string& path);
+
+/// Four lines of four numbers, each with as few digits as give its double back.
+Result<void> write_pose(const std::string& path, const Pose& pose);
 
 /// A 4×4 matrix, row by row. `bad_file` when it is no rigid motion; the message begins with `name`.
 Result<Pose> parse_pose(const Json& matrix, const std::string& name);

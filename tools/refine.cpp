@@ -12,13 +12,15 @@
 #include "output.hpp"
 #include "pose_file.hpp"
 #include "refinement.hpp"
+#include "restriction.hpp"
 
 namespace bitr::tool {
 namespace {
 
 struct Options {
-  std::string source, reference, pose = "identity", output, json, truth;
+  std::string source, reference, pose = "identity", output, applied, pose_out, json, truth;
   RefineChoice choice;
+  Restriction restriction;
   CloudOptions clouds;
   DeviceChoice device;
 
@@ -34,13 +36,17 @@ Result<PointCloud> read(const std::string& path, const CloudOptions& options) {
 }
 
 Result<void> check_outputs(const Options& options) {
-  return tool::check_outputs({{"--output", options.output, "a cloud"}, {"--json", options.json}},
+  return tool::check_outputs({{"--output", options.output, "a cloud"},
+                              {"--applied", options.applied, "a cloud"},
+                              {"--pose-out", options.pose_out, "a pose"},
+                              {"--json", options.json}},
                              {options.source, options.reference, options.truth, options.start()});
 }
 
-void print_result(const Refinement& result, const RefineOptions& how, const std::optional<Pose>& truth,
-                  std::FILE* out) {
+void print_result(const Refinement& result, const RefineOptions& how, const std::optional<Restricted>& end,
+                  const std::optional<Pose>& truth, std::FILE* out) {
   print_matrix(result.T_reference_source, out);
+  if (end) std::fprintf(out, "restricted  to %s\n", describe(*end).c_str());
   print(result, how, out);
   if (truth)
     std::fprintf(out, "error       rotation %.3g → %.3g degrees, translation %.3g → %.3g\n",
@@ -52,8 +58,8 @@ void print_result(const Refinement& result, const RefineOptions& how, const std:
 }
 
 Json result_json(const Options& options, const Refinement& result, const RefineOptions& how,
-                 const CloudPair& pair, const Device& device, const std::optional<Pose>& truth,
-                 double milliseconds) {
+                 const CloudPair& pair, const Device& device, const std::optional<Restricted>& end,
+                 const std::optional<Pose>& truth, double milliseconds) {
   const Pose& pose = result.T_reference_source;
   Json json = {{"source", options.source}, {"reference", options.reference}};
   json.update(pose_json(pose));
@@ -61,6 +67,7 @@ Json result_json(const Options& options, const Refinement& result, const RefineO
       {{"backend", name(device.backend())},
        {"device", device.name()},
        {"points", {{"source", pair.source.positions.count}, {"reference", pair.reference.positions.count}}},
+       {"restriction", end ? to_json(*end) : Json(nullptr)},
        {"refinement", to_json(result, how)}});
   if (truth) json["errors"] = errors_json(pose, *truth);
   json["timing_ms"] = {{"total", milliseconds}};
@@ -69,11 +76,13 @@ Json result_json(const Options& options, const Refinement& result, const RefineO
 
 int run(const Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
-  const auto how = refine_options(options.choice, RefineProtocol::official);
+  if (const auto checked = check_applied(options.source, options.applied); !checked)
+    return complain(checked.error());
+  auto how = refine_options(options.choice, RefineProtocol::official);
   if (!how) return complain(how.error());
   const auto given = read_optional_pose(options.start());
   if (!given) return complain(given.error());
-  const Pose start = given->value_or(Pose{});
+  Pose start = given->value_or(Pose{});
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
 
@@ -83,6 +92,14 @@ int run(const Options& options) {
   if (!source) return complain(source.error());
   const auto reference = read(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
+
+  const Vec3d centroid = centroid_of(*source);
+  if (options.restriction.any()) {
+    const Restricted from = restricted(options.restriction, start, centroid);
+    if (!from.problem().empty()) return complain(bad_usage, "--pose " + options.pose + ": " + from.problem());
+    start = from.pose;
+    how->within = [&](const Pose& pose) { return restricted(options.restriction, pose, centroid).pose; };
+  }
 
   show_progress("refining");
   const auto device = open_device(options.device);
@@ -96,14 +113,21 @@ int run(const Options& options) {
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
   clear_progress();
 
-  print_result(result, *how, *truth, options.json == "-" ? stderr : stdout);
+  std::optional<Restricted> end;
+  if (options.restriction.any()) end = restricted(options.restriction, result.T_reference_source, centroid);
+  print_result(result, *how, end, *truth, options.json == "-" ? stderr : stdout);
   const auto cloud = [&](const std::string& path) {
     return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));
   };
   const auto json = [&](const std::string& path) {
-    return write_json(path, result_json(options, result, *how, pair, **device, *truth, elapsed.count()));
+    return write_json(path, result_json(options, result, *how, pair, **device, end, *truth, elapsed.count()));
   };
-  const auto written = write_files({{options.output, cloud}, {options.json, json}});
+  const auto applied = [&](const std::string& path) {
+    return io::move_cloud_file(options.source, path, result.T_reference_source);
+  };
+  const auto pose = [&](const std::string& path) { return write_pose(path, result.T_reference_source); };
+  const auto written = write_files(
+      {{options.output, cloud}, {options.applied, applied}, {options.pose_out, pose}, {options.json, json}});
   return written ? done : complain(written.error());
 }
 
@@ -114,16 +138,19 @@ Command add_refine(CLI::App& root) {
   CLI::App* app = root.add_subcommand("refine", "Refine a pose that is about right; never to a worse one");
   app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
-  app->add_option("--pose,--init", options->pose,
-                  "The start: T_reference_source in a JSON file of bitr assemble or bitr generate")
+  app->add_option(
+         "--pose,--init", options->pose,
+         "The start: T_reference_source in a JSON file of bitr assemble or bitr generate, or 4x4 numbers")
       ->type_name("FILE|identity")
       ->default_str("identity");
   add_choice<RefineMethod>(*app, "--method", {{"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
                            options->choice.method, "Iterated closest points, or optimal transport")
       ->default_str("icp");
   add_refine_options(*app, options->choice, "official");
+  add_restriction_options(*app, options->restriction);
   app->add_option("-o,--output", options->output, "Write both clouds, joined, to this PLY file")
       ->type_name("FILE");
+  add_pose_outputs(*app, options->applied, "--pose-out", options->pose_out);
   add_json(*app, options->json);
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
       ->type_name("FILE");
@@ -135,6 +162,8 @@ Command add_refine(CLI::App& root) {
       "The pose with the better score is kept: 1 - min(1, (d/τ)² + |n - n'|²), averaged over the points of\n"
       "both clouds; d: distance to the other cloud, τ: three spacings of 512 points, n: the normals if both\n"
       "clouds have them.\n"
+      "Restricted, the start and the refined pose are taken to the nearest of the family, as bitr assemble\n"
+      "does with the network's, before they are compared.\n"
       "Exit status: 0 done, whichever pose was kept; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr refine part.ply whole.ply --pose result.json --protocol default -o joined.ply\n"

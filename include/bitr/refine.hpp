@@ -7,6 +7,7 @@
 #include <bitr/result.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -41,6 +42,10 @@ struct RefineOptions {
   double least_overlap = 0.2;
   /// 1 … 100,000; of transport, of each stage; empty: the protocol's.
   std::optional<int> most_iterations = {};
+  /// Of motions that are only some of the rigid ones: takes what the method ended with to one of them, before
+  /// it is judged against the start, which should be one too. Several threads may call it at once. Empty:
+  /// every rigid motion will do.
+  std::function<Pose(const Pose&)> within = {};
 };
 
 /// "icp", "ot".

@@ -181,6 +181,7 @@ class Refiner : public Stepper {
       take(surface_icp_, given(surface_icp_.T));
     }
     const bool finite = is_finite(result_.proposal);
+    if (finite && options_.within) result_.proposal = options_.within(result_.proposal);
     if (!finite) {
       result_.proposal = result_.start;
       result_.reason = no_better(fit_before_, fit_after_);
