@@ -29,5 +29,7 @@ Command add_devices(CLI::App& root);
 Command add_doctor(CLI::App& root);
 Command add_train(CLI::App& root);
 Command add_eval(CLI::App& root);
+Command add_help(CLI::App& root);
+Command add_completion(CLI::App& root);
 
 }  // namespace bitr::tool

@@ -171,12 +171,15 @@ int run(Options& options) {
 Command add_generate(CLI::App& root) {
   auto options = std::make_shared<Options>();
   CLI::App* app = root.add_subcommand("generate", "Make pairs of clouds with a known answer");
-  std::string kinds;
+  std::string kinds, names;
   for (const GeneratedKind& kind : generated_kinds())
     kinds += "  " + std::string(kind.name) + std::string(12 - kind.name.size(), ' ') +
              std::string(kind.summary) + "\n";
+  for (const GeneratedKind& kind : generated_kinds()) names += std::string(kind.name) + "|";
   kinds += "  crops       two crops of a mesh or cloud that --shapes names\n";
-  app->add_option("KIND", options->kind, "What to make, see below")->required();
+  app->add_option("KIND", options->kind, "What to make, see below")
+      ->required()
+      ->type_name(names + std::string(crops));
   app->add_option("--out", options->folder, "Folder to write to; made if it is missing")
       ->required()
       ->type_name("DIR");

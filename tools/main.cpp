@@ -32,6 +32,8 @@ int run(int argc, char** argv) {
       "  bitr model convert checkpoint.pt model.safetensors");
   commands.push_back(add_model_info(*model));
   commands.push_back(add_model_convert(*model));
+  commands.push_back(add_help(app));
+  commands.push_back(add_completion(app));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
