@@ -14,9 +14,8 @@ export class Camera {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.addEventListener('change', changed);
-    this.taken = false; // by the person who looks
+    this.taken = false; // by somebody who looks
     this.controls.addEventListener('start', () => (this.taken = true));
-    canvas.addEventListener('wheel', () => (this.taken = true), { passive: true });
     canvas.addEventListener('keydown', (event) => this.key(event));
   }
 

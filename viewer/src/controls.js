@@ -12,7 +12,8 @@ const one = (selector) => document.querySelector(selector);
 function addLayers(stage) {
   for (const layer of layers) {
     const object = stage.objects[layer];
-    const box = Object.assign(document.createElement('input'), { type: 'checkbox', id: `show-${layer}`, checked: true });
+    const box = document.createElement('input');
+    Object.assign(box, { type: 'checkbox', id: `show-${layer}`, checked: true });
     const swatch = Object.assign(document.createElement('span'), { className: 'swatch' });
     const [role, key] = layer.split('-');
     swatch.style.background = `var(--${role})`;

@@ -29,6 +29,7 @@ try {
   const stage = new Stage(one('#scene'), data, motion);
   addControls(stage, data);
 } catch (error) {
+  one('form').hidden = true;
   one('#message').hidden = false;
   one('#message').textContent = `This browser cannot draw the clouds: ${error.message}`;
 }

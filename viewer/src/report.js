@@ -16,7 +16,6 @@ function numberText(value) {
   return short === value && String(value).length > 12 ? value.toExponential(3) : String(short);
 }
 
-/** One cell's text; whole numbers of a matrix would be taken for counts, so they keep no commas. */
 function textOf(value) {
   if (value === null) return '–';
   if (typeof value === 'boolean') return value ? 'yes' : 'no';
@@ -65,26 +64,19 @@ function rendered(value) {
   return document.createTextNode(textOf(value));
 }
 
-/** What a status says of itself, in colour beside the word. */
-function judgement(key, value) {
-  if (key === 'status') return value === 'ok' ? 'good' : 'bad';
-  return '';
-}
-
 function entries(pairs) {
-  return element(
-    'dl',
-    {},
-    ...pairs.flatMap(([key, value]) => [
-      element('dt', { textContent: words(key) }),
-      element('dd', { className: judgement(key, value), title: typeof value === 'number' ? String(value) : '' }, rendered(value)),
-    ]),
-  );
+  const made = element('dl');
+  for (const [key, value] of pairs) {
+    const cell = element('dd', {}, rendered(value));
+    if (typeof value === 'number') cell.title = String(value);
+    if (key === 'status') cell.className = value === 'ok' ? 'good' : 'bad';
+    made.append(element('dt', { textContent: words(key) }), cell);
+  }
+  return made;
 }
 
-function section(key, content, open) {
-  return element('details', { open }, element('summary', { textContent: words(key) }), content);
-}
+const section = (key, value) =>
+  element('details', { open: true }, element('summary', { textContent: words(key) }), rendered(value));
 
 const isBlock = (value) =>
   isObject(value) || (Array.isArray(value) && value.some((item) => isNested(item)));
@@ -96,17 +88,20 @@ function object(value) {
   const blocks = pairs.filter(([, inner]) => isBlock(inner));
   const made = element('div');
   if (plain.length) made.append(entries(plain));
-  for (const [key, inner] of blocks) made.append(section(key, rendered(inner), true));
+  for (const [key, inner] of blocks) made.append(section(key, inner));
   return made;
 }
 
 const first = ['confidence', 'diagnostics', 'errors', 'transform'];
 const rank = ([key]) => (first.includes(key) ? first.indexOf(key) : first.length);
 
-/** How good the result is comes first, what has no parts last. */
+/** How good the result is comes first, plain values about the run last. */
 export function showReport(parent, report) {
   const pairs = Object.entries(report).sort((a, b) => rank(a) - rank(b));
-  for (const [key, value] of pairs) if (isBlock(value)) parent.append(section(key, rendered(value), true));
   const plain = pairs.filter(([, value]) => !isBlock(value));
-  if (plain.length) parent.append(section('run', entries(plain), true));
+  const leading = plain.filter((pair) => rank(pair) < first.length);
+  const others = plain.filter((pair) => rank(pair) === first.length);
+  if (leading.length) parent.append(entries(leading));
+  for (const [key, value] of pairs) if (isBlock(value)) parent.append(section(key, value));
+  if (others.length) parent.append(section('run', Object.fromEntries(others)));
 }

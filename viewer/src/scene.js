@@ -6,13 +6,24 @@ import { cloudPoints, keyPoints } from './points.js';
 // Colours are those of the style sheet, as they are.
 ColorManagement.enabled = false;
 
-export const layers = ['source', 'reference', 'source-keys', 'reference-keys'];
+const roles = ['source', 'reference'];
+/** What can be shown and hidden, by name. */
+export const layers = [...roles, ...roles.map((role) => `${role}-keys`)];
 
-/** Some two thousand of the points, and the key points. */
+/** Some two thousand of the points, those that are farthest out among them, and the key points. */
 function outlineOf({ positions, keyPoints: keys }) {
+  const chosen = new Set();
   const step = 3 * Math.max(1, Math.round(positions.length / 6000));
-  const outline = [];
-  for (let i = 0; i < positions.length; i += step) outline.push(new Vector3().fromArray(positions, i));
+  for (let i = 0; i < positions.length; i += step) chosen.add(i);
+  const least = [0, 0, 0], most = [0, 0, 0];
+  for (let i = 0; i < positions.length; i += 3) {
+    for (let axis = 0; axis < 3; ++axis) {
+      if (positions[i + axis] < positions[least[axis] + axis]) least[axis] = i;
+      if (positions[i + axis] > positions[most[axis] + axis]) most[axis] = i;
+    }
+  }
+  for (const i of [...least, ...most]) chosen.add(i);
+  const outline = [...chosen].map((i) => new Vector3().fromArray(positions, i));
   for (let i = 0; i < keys.length; i += 3) outline.push(new Vector3().fromArray(keys, i));
   return outline;
 }
@@ -35,7 +46,7 @@ export class Stage {
       reference: keyPoints(data.reference.keyPoints, 1),
     };
     this.objects = Object.fromEntries(
-      layers.map((layer) => [layer, layer.endsWith('-keys') ? this.keys[layer.split('-')[0]] : this.clouds[layer]]),
+      roles.flatMap((role) => [[role, this.clouds[role]], [`${role}-keys`, this.keys[role]]]),
     );
     this.scene.add(...Object.values(this.objects));
     this.pointSize = 1;
@@ -52,7 +63,8 @@ export class Stage {
   /** The source to where it is at s; the camera follows until somebody takes it. */
   move(s) {
     const matrix = this.motion.matrixAt(s);
-    this.points = this.outline.source.map((point) => point.clone().applyMatrix4(matrix)).concat(this.outline.reference);
+    const source = this.outline.source.map((point) => point.clone().applyMatrix4(matrix));
+    this.points = source.concat(this.outline.reference);
     this.sphere = new Sphere().setFromPoints(this.points);
     this.sphere.radius = Math.max(this.sphere.radius, 1e-3);
     if (!this.camera.taken) this.camera.frame(this.points);
@@ -69,7 +81,7 @@ export class Stage {
   }
 
   useOwnColours(own) {
-    for (const role of ['source', 'reference'])
+    for (const role of roles)
       this.clouds[role].material.uniforms.own.value = own && this.data[role].colors ? 1 : 0;
     this.draw();
   }
@@ -84,11 +96,13 @@ export class Stage {
     const colour = (name) => new Color(style.getPropertyValue(`--${name}`).trim());
     const paper = colour('paper');
     this.renderer.setClearColor(paper);
-    for (const role of ['source', 'reference']) {
-      Object.assign(this.clouds[role].material.uniforms.piece, { value: colour(role) });
-      Object.assign(this.clouds[role].material.uniforms.paper, { value: paper });
-      Object.assign(this.keys[role].material.uniforms.fill, { value: colour(role).multiplyScalar(0.62) });
-      Object.assign(this.keys[role].material.uniforms.rim, { value: new Color(0xffffff) });
+    for (const role of roles) {
+      const cloud = this.clouds[role].material.uniforms;
+      const keys = this.keys[role].material.uniforms;
+      cloud.piece.value = colour(role);
+      cloud.paper.value = paper;
+      keys.fill.value = colour(role).multiplyScalar(0.62);
+      keys.rim.value = new Color(0xffffff);
     }
     this.draw();
   }
@@ -122,7 +136,7 @@ export class Stage {
     const range = this.camera.fit(this.sphere.center, this.sphere.radius);
     const ratio = this.renderer.getPixelRatio();
     const pixels = this.renderer.domElement.height / (2 * Math.tan((camera.fov * Math.PI) / 360));
-    for (const role of ['source', 'reference']) {
+    for (const role of roles) {
       const { uniforms } = this.clouds[role].material;
       uniforms.pixels.value = pixels;
       uniforms.diameter.value = 1.6 * this.data[role].spacing * this.pointSize;

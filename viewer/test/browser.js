@@ -17,6 +17,7 @@ export const launch = () =>
 /** The page of a file, with everything it complains of and asks for. */
 export async function open(browser, file, options = {}) {
   const page = await browser.newPage({ viewport: { width: 1000, height: 640 }, ...options });
+  page.setDefaultTimeout(120_000); // two cores draw and do everything else
   page.complaints = [];
   page.requests = [];
   page.on('console', (message) => page.complaints.push(`${message.type()}: ${message.text()}`));

@@ -90,7 +90,8 @@ test('the motion ends at the pose, and is rigid on its way', async () => {
     near(poses[3], result.transform, 1e-12, 'the pose');
     const turn = (pose) => {
       const r = pose.slice(0, 3).map((row) => row.slice(0, 3));
-      near(r.map((a) => r.map((b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2])), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], 1e-6, 'R Rᵀ');
+      const product = r.map((a) => r.map((b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2]));
+      near(product, [[1, 0, 0], [0, 1, 0], [0, 0, 1]], 1e-6, 'R Rᵀ');
       return Math.acos(Math.min(1, (r[0][0] + r[1][1] + r[2][2] - 1) / 2));
     };
     assert.equal(turn(poses[0]), 0);
@@ -165,7 +166,18 @@ test('the report is all there, whatever its keys and the names of the files', as
   writeFileSync(inside('later.html'), data);
   const later = await open(browser, inside('later.html'));
   const found = await later.locator('#report').innerText();
-  for (const words of ['confidence', 'high', 'the cats agree', 'so do the dogs']) assert.ok(found.includes(words), words);
+  for (const words of ['confidence', 'high', 'the cats agree', 'so do the dogs'])
+    assert.ok(found.includes(words), words);
+});
+
+test('without WebGL it says so, and still tells the result', async () => {
+  const context = await browser.newContext();
+  await context.addInitScript(() => (HTMLCanvasElement.prototype.getContext = () => null));
+  const page = await context.newPage();
+  await page.goto(`file://${parts.view}`);
+  assert.match(await page.locator('#message').innerText(), /cannot draw/);
+  assert.match(await page.locator('#report').innerText(), /diagnostics[^]*transform/);
+  assert.ok(await page.locator('form').isHidden());
 });
 
 test("the clouds' own colours, and thinning that is told", async () => {
