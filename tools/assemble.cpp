@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "api/plan.hpp"
+#include "answer.hpp"
 #include "assembly_report.hpp"
 #include "cloud_input.hpp"
 #include "command.hpp"
@@ -16,18 +16,16 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
-#include "refinement.hpp"
 
 namespace bitr::tool {
 namespace {
 
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
-  bool strict = false, verify = false;
+  bool verify = false;
   ModelOptions model;
   CloudOptions clouds;
-  RefineChoice refine;
-  Restriction restriction;
+  AnswerChoice answer;
   RunOptions run;
 };
 
@@ -85,7 +83,7 @@ std::string view_report(const AssemblyReport& report) {
 
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
-  const Assembly& assembly = report.assembly;
+  const Assembly& assembly = report.answer.assembly;
   const auto cloud = [&](const std::string& path) {
     return io::write_ply(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
   };
@@ -117,8 +115,9 @@ int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
-  auto refinement = refine_options(options.refine, RefineProtocol::adaptive);
-  if (!refinement) return complain(refinement.error());
+  auto how = answer_options(options.answer, options.model.complete_match);
+  if (!how) return complain(how.error());
+  how->swap_residual = true;
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
 
@@ -138,51 +137,23 @@ int run(Options& options) {
   show_progress("assembling");
   const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
   const CloudPair pair = {source->used, reference->used};
-  const AssembleOptions how = {
-      .complete_match = options.model.complete_match, .diagnostics = true, .swap_residual = true};
   const auto device = open_device(options.run);
   if (!device) return complain(device.error());
   auto plan = make_plan(**device, *model, shape_of({&pair, 1}), options.run.plan);
   if (!plan) return complain(plan.error(), which);
-  auto assemblies = assemble(*plan, {&pair, 1}, how);
-  if (!assemblies) return complain(assemblies.error(), which);
+  const InputPair input = {*source, *reference};
+  auto answers = answer(*plan, {&input, 1}, *how);
+  if (!answers) return complain(answers.error(), which);
   device->save_cache();
 
-  AssemblyReport report{.assembly = std::move(assemblies->front()),
+  AssemblyReport report{.answer = std::move(answers->front()),
                         .plan = *plan,
                         .complete_match = options.model.complete_match,
                         .source_points = source->used.size(),
                         .reference_points = reference->used.size(),
                         .timings = plan->timings(),
-                        .truth = *truth};
-  const Vec3d centroid = centroid_of(source->cloud);
-  if (options.restriction.any() && report.assembly.status != Status::failed) {
-    report.restricted = restrict_assembly(options.restriction, centroid, report.assembly);
-    measure_overlap(pair, report.assembly.T_reference_source, (*device)->pool(), report.assembly.diagnostics);
-  }
-  if (options.refine.method && report.assembly.status != Status::failed) {
-    show_progress("refining");
-    // On all of the points, of which the network may have seen some.
-    const CloudPair whole = {source->cloud, reference->cloud};
-    if (report.restricted)
-      refinement->within = [&](const Pose& pose) {
-        return restricted(options.restriction, pose, centroid).pose;
-      };
-    const auto refined =
-        refine_poses(**device, {&whole, 1}, {&report.assembly.T_reference_source, 1}, *refinement);
-    if (!refined) return complain(refined.error(), which);
-    report.refinement = refined->front();
-    report.refine_options = *refinement;
-    report.assembly.T_reference_source = report.refinement->T_reference_source;
-    if (report.restricted) {
-      report.restricted->pose = report.assembly.T_reference_source;
-      report.restricted->turn_degrees =
-          restricted(options.restriction, report.restricted->pose, centroid).turn_degrees;
-    }
-    if (report.refinement->improved)
-      measure_overlap(pair, report.assembly.T_reference_source, (*device)->pool(),
-                      report.assembly.diagnostics);
-  }
+                        .truth = *truth,
+                        .refine_options = how->refine.value_or(RefineOptions())};
   report.total_milliseconds = total.milliseconds();
   if (options.verify) {
     show_progress("verifying");
@@ -194,18 +165,18 @@ int run(Options& options) {
 
   // With JSON on standard output, text for people goes to standard error.
   print(report, options.json == "-" ? stderr : stdout);
-  const Assembly& assembly = report.assembly;
+  const Assembly& assembly = report.answer.assembly;
   if (assembly.status == Status::failed)
     return complain(run_failed, which + "a number is not finite; nothing was written");
   if (!within_bounds(report))
     return complain(run_failed,
                     which + "the verification found a stage beyond its bound; nothing was written");
-  if (assembly.status == Status::degenerate) {
-    const std::string what = which + "the pose is not determined: " + assembly.diagnostics.reason;
-    if (options.strict) return complain(run_failed, what + "; nothing was written");
-    warn(what);
-  }
-  if (options.model.complete_match && !report.restricted && assembly.diagnostics.overlap.value_or(1) < 0.9)
+  if (const std::string why = refusal(report.answer, options.answer); !why.empty())
+    return complain(run_failed, which + why + "; nothing was written");
+  if (assembly.status == Status::degenerate)
+    warn(which + "the pose is not determined: " + assembly.diagnostics.reason);
+  if (options.model.complete_match && !report.answer.restricted &&
+      assembly.diagnostics.overlap.value_or(1) < 0.9)
     warn(which +
          "the pose leaves much of the source off the reference, so this is no moved copy and complete "
          "matching has no answer for it");
@@ -231,21 +202,11 @@ Command add_assemble(CLI::App& root) {
   add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
   add_run_options(*app, options->run);
-  add_choice<std::optional<RefineMethod>>(
-      *app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
-      options->refine.method,
-      "Refine the network's pose on all points, by iterated closest points or optimal transport, and keep "
-      "the "
-      "better of the two; see bitr refine")
-      ->expected(0, 1)
-      ->default_str("icp");
-  add_refine_options(*app, options->refine, "default");
-  add_restriction_options(*app, options->restriction);
+  add_answer_options(*app, options->answer, true);
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
                 "Also evaluate the pair as defined in double precision and compare every stage");
-  app->add_flag("--strict", options->strict, "Fail, and write nothing, when the pose is not determined");
   app->footer(
       "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"

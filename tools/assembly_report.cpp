@@ -9,11 +9,9 @@
 namespace bitr::tool {
 namespace {
 
-Json optional_json(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
-
 void print_diagnostics(const AssemblyReport& report, std::FILE* out) {
-  const Diagnostics& d = report.assembly.diagnostics;
-  std::fprintf(out, "status      %s%s%s\n", status_name(report.assembly.status).data(),
+  const Diagnostics& d = report.answer.assembly.diagnostics;
+  std::fprintf(out, "status      %s%s%s\n", status_name(report.answer.assembly.status).data(),
                d.reason.empty() ? "" : ": ", d.reason.c_str());
   if (d.overlap && d.inlier_threshold)
     std::fprintf(out, "overlap     %.1f %% of the source within %.4g of the reference\n", 100 * *d.overlap,
@@ -66,28 +64,30 @@ bool within_bounds(const AssemblyReport& report) {
 }
 
 void print(const AssemblyReport& report, std::FILE* out) {
-  print_matrix(report.assembly.T_reference_source, out);
+  print_matrix(report.answer.assembly.T_reference_source, out);
   const Plan& plan = report.plan;
   std::fprintf(out, "points      source %zu, reference %zu\n", report.source_points, report.reference_points);
   std::fprintf(out, "model       %s, %s, %s%s%s\n", plan.model().name().c_str(),
                mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
                plan.options().as_defined ? ", as defined" : "",
                report.complete_match ? ", complete match" : "");
-  if (report.restricted) std::fprintf(out, "restricted  to %s\n", describe(*report.restricted).c_str());
+  if (report.answer.restricted)
+    std::fprintf(out, "restricted  to %s\n", describe(*report.answer.restricted).c_str());
   print_diagnostics(report, out);
-  if (report.refinement) print(*report.refinement, report.refine_options, out);
+  if (report.answer.refinement) print(*report.answer.refinement, report.refine_options, out);
+  if (report.answer.confidence) print(*report.answer.confidence, out);
   std::fprintf(out, "time        %.1f ms on %s (%s), %u threads\n", report.total_milliseconds,
                plan.device().name().c_str(), name(plan.device().backend()).data(), plan.device().threads());
   if (report.truth)
     std::fprintf(out, "error       rotation %.3g degrees, translation %.3g\n",
-                 rotation_error_degrees(report.assembly.T_reference_source, *report.truth),
-                 translation_error(report.assembly.T_reference_source, *report.truth));
+                 rotation_error_degrees(report.answer.assembly.T_reference_source, *report.truth),
+                 translation_error(report.answer.assembly.T_reference_source, *report.truth));
   if (!report.verification.empty()) print_verification(report.verification, out);
   std::fflush(out);
 }
 
 Json to_json(const AssemblyReport& report) {
-  const Pose& pose = report.assembly.T_reference_source;
+  const Pose& pose = report.answer.assembly.T_reference_source;
   Json timing = {{"total", report.total_milliseconds}};
   for (const StageTime& stage : report.timings) {
     const std::string key = stage.stage == "graph.index" ? "knn" : stage.stage;
@@ -106,11 +106,13 @@ Json to_json(const AssemblyReport& report) {
        {"mode", mode_name(report.plan.mode())},
        {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
        {"key_points",
-        {{"source", report.assembly.source_key_points}, {"reference", report.assembly.reference_key_points}}},
-       {"restriction", report.restricted ? to_json(*report.restricted) : Json(nullptr)},
-       {"diagnostics", diagnostics_json(report.assembly)},
-       {"refinement",
-        report.refinement ? to_json(*report.refinement, report.refine_options) : Json(nullptr)}});
+        {{"source", report.answer.assembly.source_key_points},
+         {"reference", report.answer.assembly.reference_key_points}}},
+       {"restriction", report.answer.restricted ? to_json(*report.answer.restricted) : Json(nullptr)},
+       {"diagnostics", diagnostics_json(report.answer.assembly)},
+       {"confidence", report.answer.confidence ? to_json(*report.answer.confidence) : Json(nullptr)},
+       {"refinement", report.answer.refinement ? to_json(*report.answer.refinement, report.refine_options)
+                                               : Json(nullptr)}});
   if (report.truth) json["errors"] = errors_json(pose, *report.truth);
   if (!report.verification.empty()) {
     Json stages = Json::array();

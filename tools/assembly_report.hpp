@@ -2,33 +2,30 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
-#include <bitr/refine.hpp>
 #include <cstdio>
 #include <optional>
 #include <vector>
 
+#include "answer.hpp"
 #include "output.hpp"
-#include "restriction.hpp"
 
 namespace bitr::tool {
 
 struct AssemblyReport {
-  Assembly assembly;
+  Answer answer;
   const Plan& plan;
   bool complete_match = false;
   std::size_t source_points = 0, reference_points = 0;  ///< that the network saw
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
   std::optional<Pose> truth = {};
-  std::optional<Restricted> restricted = {};
-  std::optional<Refinement> refinement = {};
-  RefineOptions refine_options = {};  ///< of it
+  RefineOptions refine_options = {};  ///< of the refinement
   std::vector<StageDifference> verification = {};
 };
 
 bool within_bounds(const AssemblyReport& report);
 
-/// Pose, diagnostics and, where they were asked for, the errors and the verification's table.
+/// Pose, diagnostics, confidence and, where they were asked for, the errors and the verification's table.
 void print(const AssemblyReport& report, std::FILE* out);
 
 /// Of the pose: status, the signals that tell good from bad.

@@ -8,7 +8,7 @@
 #include <future>
 #include <memory>
 
-#include "api/plan.hpp"
+#include "answer.hpp"
 #include "assembly_report.hpp"
 #include "batch_results.hpp"
 #include "cloud_input.hpp"
@@ -20,7 +20,6 @@
 #include "manifest.hpp"
 #include "options.hpp"
 #include "pose_file.hpp"
-#include "restriction.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -37,11 +36,11 @@ struct Shard {
 struct Options {
   std::string manifest, folder;
   ModelOptions model;
-  bool resume = false, strict = false, assembled = false;
+  bool resume = false, assembled = false;
   std::uint64_t pairs = 16;
   Shard shard;
   CloudOptions clouds;
-  Restriction restriction;
+  AnswerChoice answer;
   RunOptions run;
 };
 
@@ -66,8 +65,7 @@ Job end_of_jobs() {
 /// What is known of a pair, in the end.
 struct Outcome {
   Job job;
-  std::optional<Assembly> assembly;
-  std::optional<Restricted> restricted = {};
+  std::optional<Answer> answer;
 };
 
 /// The shard's pairs from a given one on; to be asked by one thread.
@@ -118,8 +116,8 @@ class Jobs {
 /// A plan that grows with the batches, on a device that is made anew when it is lost.
 class Assembler {
  public:
-  Assembler(const Options& options, const Model& model, OpenDevice device)
-      : options_(options), model_(model), device_(std::move(device)) {}
+  Assembler(const Options& options, const Model& model, AnswerOptions how, OpenDevice device)
+      : options_(options), model_(model), how_(std::move(how)), device_(std::move(device)) {}
 
   /// Fills in assemblies or problems.
   void run(std::vector<Outcome>& outcomes) {
@@ -143,33 +141,23 @@ class Assembler {
  private:
   void submit(const std::vector<Outcome*>& outcomes) {
     if (outcomes.empty()) return;
-    auto assemblies = assemble_all(outcomes);
-    if (assemblies) {
-      for (std::size_t i = 0; i < outcomes.size(); ++i) take(std::move((*assemblies)[i]), *outcomes[i]);
+    auto answers = answer_all(outcomes);
+    if (answers) {
+      for (std::size_t i = 0; i < outcomes.size(); ++i) outcomes[i]->answer = std::move((*answers)[i]);
     } else if (outcomes.size() == 1) {
-      outcomes.front()->job.problem = assemblies.error().message;
+      outcomes.front()->job.problem = answers.error().message;
     } else {
       // One of them is not to be assembled; the others should not suffer.
       for (Outcome* outcome : outcomes) submit({outcome});
     }
   }
 
-  void take(Assembly assembly, Outcome& outcome) {
-    if (options_.restriction.any() && assembly.status != Status::failed) {
-      outcome.restricted =
-          restrict_assembly(options_.restriction, centroid_of(outcome.job.source->cloud), assembly);
-      measure_overlap(outcome.job.clouds(), assembly.T_reference_source, device_->pool(),
-                      assembly.diagnostics);
-    }
-    outcome.assembly = std::move(assembly);
-  }
-
-  Result<std::vector<Assembly>> assemble_all(const std::vector<Outcome*>& outcomes) {
-    std::vector<CloudPair> pairs;
-    for (const Outcome* outcome : outcomes) pairs.push_back(outcome->job.clouds());
-    auto assemblies = attempt(pairs);
-    if (assemblies || assemblies.error().code != ErrorCode::device_lost) return assemblies;
-    warn(assemblies.error().message + "; going on with a new device");
+  Result<std::vector<Answer>> answer_all(const std::vector<Outcome*>& outcomes) {
+    std::vector<InputPair> pairs;
+    for (const Outcome* outcome : outcomes) pairs.push_back({*outcome->job.source, *outcome->job.reference});
+    auto answers = attempt(pairs);
+    if (answers || answers.error().code != ErrorCode::device_lost) return answers;
+    warn(answers.error().message + "; going on with a new device");
     plan_.reset();
     auto device = open_device(options_.run);
     if (!device) return tl::unexpected(device.error());
@@ -177,8 +165,10 @@ class Assembler {
     return attempt(pairs);
   }
 
-  Result<std::vector<Assembly>> attempt(const std::vector<CloudPair>& pairs) {
-    const BatchShape shape = shape_of(pairs);
+  Result<std::vector<Answer>> attempt(const std::vector<InputPair>& pairs) {
+    std::vector<CloudPair> clouds;
+    for (const InputPair& pair : pairs) clouds.push_back(pair.used());
+    const BatchShape shape = shape_of(clouds);
     if (!plan_ || plan_->capacity().pairs < shape.pairs || plan_->capacity().points < shape.points) {
       BatchShape capacity{std::max<std::size_t>(shape.pairs, options_.pairs), shape.points * 5 / 4};
       if (plan_) capacity.points = std::max(capacity.points, plan_->capacity().points);
@@ -187,51 +177,55 @@ class Assembler {
       if (!plan) return tl::unexpected(plan.error());
       plan_ = std::make_unique<Plan>(std::move(*plan));
     }
-    return assemble(
-        *plan_, pairs,
-        {.complete_match = options_.model.complete_match, .diagnostics = true, .swap_residual = false});
+    return answer(*plan_, pairs, how_);
   }
 
   const Options& options_;
   const Model& model_;
+  const AnswerOptions how_;
   OpenDevice device_;
   std::unique_ptr<Plan> plan_;
 };
 
-Json line_of(const Outcome& outcome) {
+Json line_of(const Outcome& outcome, const AnswerChoice& choice, const AnswerOptions& how) {
   const Job& job = outcome.job;
   Json line = {{"pair", job.entry.number},
                {"name", job.entry.name},
                {"source", job.entry.source},
                {"reference", job.entry.reference}};
-  if (!outcome.assembly) {
+  if (!outcome.answer) {
     line["status"] = "unreadable";
     line["problem"] = job.problem;
     return line;
   }
-  const Assembly& assembly = *outcome.assembly;
+  const Answer& answer = *outcome.answer;
+  const Assembly& assembly = answer.assembly;
   line["status"] = status_name(assembly.status);
   if (assembly.status == Status::failed) return line;
   line["transform"] = matrix_json(assembly.T_reference_source);
   line["points"] = {{"source", job.source->used.size()}, {"reference", job.reference->used.size()}};
-  if (outcome.restricted) line["restriction"] = to_json(*outcome.restricted);
+  if (answer.restricted) line["restriction"] = to_json(*answer.restricted);
   line["diagnostics"] = diagnostics_json(assembly);
+  if (answer.refinement) line["refinement"] = to_json(*answer.refinement, *how.refine);
+  if (answer.confidence) line["confidence"] = to_json(*answer.confidence);
+  if (const std::string why = refusal(answer, choice); !why.empty()) line["refused"] = why;
   if (job.truth) line["errors"] = errors_json(assembly.T_reference_source, *job.truth);
   return line;
 }
 
 /// Clouds first, so that what has its line has its cloud.
-void write(const std::vector<Outcome>& outcomes, const Options& options, BatchResults& results) {
+void write(const std::vector<Outcome>& outcomes, const Options& options, const AnswerOptions& how,
+           BatchResults& results) {
   std::vector<Json> lines;
   for (const Outcome& outcome : outcomes) {
-    lines.push_back(line_of(outcome));
-    if (!options.assembled || !outcome.assembly || outcome.assembly->status == Status::failed) continue;
+    lines.push_back(line_of(outcome, options.answer, how));
+    if (!options.assembled || !outcome.answer || outcome.answer->assembly.status == Status::failed) continue;
     char name[64];
     std::snprintf(name, sizeof name, "pair_%06llu.ply",
                   static_cast<unsigned long long>(outcome.job.entry.number));
     const auto written = io::write_ply(std::filesystem::path(options.folder) / name,
                                        joined_cloud(outcome.job.source->cloud, outcome.job.reference->cloud,
-                                                    outcome.assembly->T_reference_source));
+                                                    outcome.answer->assembly.T_reference_source));
     if (!written) throw Failure(written.error().code, written.error().message);
   }
   results.append(lines);
@@ -241,19 +235,18 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, BatchRe
 Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(manifest.fingerprint));
-  Json settings = {{"manifest", options.manifest},
-                   {"manifest_fingerprint", hash},
-                   {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
-                   {"model", model.name()},
-                   {"complete_match", options.model.complete_match},
-                   {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
-                   {"precision", precision_name(options.run.plan.precision)},
-                   {"as_defined", options.run.plan.as_defined},
-                   {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
-                   {"seed", options.clouds.seed},
-                   {"assembled", options.assembled}};
-  if (options.restriction.any()) settings["restriction"] = to_json(options.restriction);
-  return settings;
+  return {{"manifest", options.manifest},
+          {"manifest_fingerprint", hash},
+          {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
+          {"model", model.name()},
+          {"complete_match", options.model.complete_match},
+          {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
+          {"precision", precision_name(options.run.plan.precision)},
+          {"as_defined", options.run.plan.as_defined},
+          {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
+          {"seed", options.clouds.seed},
+          {"assembled", options.assembled},
+          {"answer", to_json(options.answer)}};
 }
 
 class Progress {
@@ -282,6 +275,10 @@ void print(const BatchSummary& summary, const std::string& file, double rate) {
   std::printf("pairs       %llu: %llu ok, %llu degenerate, %llu failed, %llu unreadable\n",
               count(summary.pairs), count(summary.ok), count(summary.degenerate), count(summary.failed),
               count(summary.unreadable));
+  if (summary.refused > 0) std::printf("refused     %llu, see \"refused\"\n", count(summary.refused));
+  if (summary.confidence.count() > 0)
+    std::printf("confidence  median %.2f, mean %.2f\n", summary.confidence.median(),
+                summary.confidence.mean());
   if (summary.overlap.count() > 0)
     std::printf("overlap     median %.1f %% of the source\n", 100 * summary.overlap.median());
   const Histogram& errors = summary.rotation_degrees;
@@ -309,6 +306,8 @@ Result<std::string> results_file(const Options& options) {
 }
 
 int run_checked(Options& options) {
+  const auto how = answer_options(options.answer, options.model.complete_match);
+  if (!how) return complain(how.error());
   const auto model = choose_model(options.model);
   if (!model) return complain(model.error());
   const auto summary = summarise_manifest(options.manifest);
@@ -323,7 +322,7 @@ int run_checked(Options& options) {
   BatchResults results(*file, settings_of(options, *model, *summary));
   const std::uint64_t all = options.shard.size(summary->pairs);
   const Progress progress(results.done(), all);
-  Assembler assembler(options, *model, std::move(*device));
+  Assembler assembler(options, *model, *how, std::move(*device));
   Jobs jobs(std::move(*manifest), options, *model, results.done());
   // Declared after what its thread uses.
   ReadAhead<Job> reader(1, 2 * options.pairs, [&](std::uint64_t) { return jobs.next(); });
@@ -339,14 +338,14 @@ int run_checked(Options& options) {
     if (writing.valid()) writing.get();
     progress.show(results.done());
     writing = std::async(std::launch::async,
-                         [&, outcomes = std::move(outcomes)] { write(outcomes, options, results); });
+                         [&, outcomes = std::move(outcomes)] { write(outcomes, options, *how, results); });
   }
   writing.get();
   assembler.save_cache();
   clear_progress();
   print(results.summary(), *file, progress.rate(results.done()));
   const BatchSummary& found = results.summary();
-  const std::uint64_t unusable = found.failed + found.unreadable + (options.strict ? found.degenerate : 0);
+  const std::uint64_t unusable = found.failed + found.unreadable + found.refused;
   return unusable == 0
              ? done
              : complain(run_failed, std::to_string(unusable) + " of " + std::to_string(found.pairs) +
@@ -391,10 +390,9 @@ Command add_batch(CLI::App& root) {
   add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs that go to the device at once");
   add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
-  add_restriction_options(*app, options->restriction);
+  add_answer_options(*app, options->answer, false);
   add_run_options(*app, options->run);
   app->remove_option(app->get_option("--profile"));  // of one assemble()
-  app->add_flag("--strict", options->strict, "Fail in the end when the pose of a pair is not determined");
   app->footer(
       "MANIFEST: a CSV table whose first line names its columns, source, reference and, as wanted, truth (a\n"
       "JSON file with the true pose) and name; or, in a file *.jsonl, a JSON object with these keys per "

@@ -43,6 +43,9 @@ void BatchSummary::add(const Json& line) {
   if (const auto diagnostics = line.find("diagnostics"); diagnostics != line.end())
     if (const auto share = diagnostics->find("overlap"); share != diagnostics->end() && share->is_number())
       overlap.add(share->get<double>());
+  if (const auto judged = line.find("confidence"); judged != line.end())
+    confidence.add(judged->value("value", 0.0));
+  refused += line.contains("refused");
 }
 
 BatchResults::BatchResults(const std::string& file, const Json& settings)

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,6 +51,12 @@ Result<void> write_files(const std::vector<FileWriter>& files);
 
 /// To the file, or to standard output when `path` is "-".
 Result<void> write_json(const std::string& path, const Json& json);
+
+/// null when it is empty.
+template <class T>
+Json optional_json(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
 
 /// Four rows of the homogeneous matrix.
 Json matrix_json(const Pose& pose);

@@ -2,6 +2,7 @@
 #include <bitr/confidence.hpp>
 #include <bitr/io.hpp>
 #include <cmath>
+#include <tuple>
 
 #include "api/guarded.hpp"
 #include "api/plan.hpp"
@@ -55,6 +56,10 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
     if (pairs.size() != assemblies.size())
       refuse(std::to_string(assemblies.size()) + " assemblies for " + std::to_string(pairs.size()) +
              " pairs");
+    // What the plan tells of its last assemble() is the caller's.
+    Plan::Impl& impl = plan.impl();
+    auto told = std::tie(impl.timings, impl.profile, impl.passes, impl.began);
+    const std::tuple kept = {impl.timings, impl.profile, impl.passes, impl.began};
     Found found(pairs.size());
     std::vector<Parted> parted;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -86,6 +91,7 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
       found[of.pair] = {assembly.T_reference_source, assembly.diagnostics.rotation_gap,
                         median(std::move(of.angles))};
     }
+    told = kept;
     return found;
   });
 }

@@ -1,0 +1,201 @@
+#include "answer.hpp"
+
+#include <cmath>
+
+#include "api/plan.hpp"
+#include "cpu/thread_pool.hpp"
+#include "options.hpp"
+
+namespace bitr::tool {
+namespace {
+
+std::vector<CloudPair> used(std::span<const InputPair> pairs) {
+  std::vector<CloudPair> result;
+  for (const InputPair& pair : pairs) result.push_back(pair.used());
+  return result;
+}
+
+// Those of a rigid family are restricted one by one: each has a centroid of its own.
+Result<void> refine(const Device& device, std::span<const InputPair> pairs, const AnswerOptions& options,
+                    std::vector<Answer>& answers) {
+  const auto refine_some = [&](const std::vector<std::size_t>& rows,
+                               const RefineOptions& how) -> Result<void> {
+    std::vector<CloudPair> clouds;
+    std::vector<Pose> starts;
+    for (const std::size_t i : rows) {
+      clouds.push_back({pairs[i].source.cloud, pairs[i].reference.cloud});
+      starts.push_back(answers[i].assembly.T_reference_source);
+    }
+    auto refined = refine_poses(device, clouds, starts, how);
+    if (!refined) return tl::unexpected(refined.error());
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      Answer& answer = answers[rows[k]];
+      answer.assembly.T_reference_source = (*refined)[k].T_reference_source;
+      answer.refinement = std::move((*refined)[k]);
+      if (answer.refinement->improved)
+        measure_overlap(pairs[rows[k]].used(), answer.assembly.T_reference_source, device.pool(),
+                        answer.assembly.diagnostics);
+    }
+    return {};
+  };
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    if (answers[i].assembly.status != Status::failed) rows.push_back(i);
+  if (!options.restriction.any()) return rows.empty() ? Result<void>() : refine_some(rows, *options.refine);
+  for (const std::size_t i : rows) {
+    const Vec3d centroid = centroid_of(pairs[i].source.cloud);
+    RefineOptions how = *options.refine;
+    how.within = [&](const Pose& pose) { return restricted(options.restriction, pose, centroid).pose; };
+    if (const auto refined = refine_some({i}, how); !refined) return refined;
+    Restricted& last = *answers[i].restricted;
+    last.pose = answers[i].assembly.T_reference_source;
+    last.turn_degrees = restricted(options.restriction, last.pose, centroid).turn_degrees;
+  }
+  return {};
+}
+
+Result<void> judge(const Device& device, std::span<const InputPair> pairs,
+                   std::span<const std::optional<NetworkEvidence>> evidence, std::vector<Answer>& answers) {
+  std::vector<Pose> poses;
+  for (const Answer& answer : answers) poses.push_back(answer.assembly.T_reference_source);
+  auto judged = judge_poses(device, used(pairs), poses, evidence);
+  if (!judged) return tl::unexpected(judged.error());
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    Confidence& confidence = (*judged)[i];
+    if (answers[i].assembly.status == Status::degenerate) {
+      confidence.value = 0;
+      confidence.reasons.insert(confidence.reasons.begin(), answers[i].assembly.diagnostics.reason);
+    }
+    answers[i].confidence = std::move(confidence);
+  }
+  return {};
+}
+
+std::string value_text(double value) { return Json(std::round(value * 1e4) / 1e4).dump(); }
+
+}  // namespace
+
+void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_told) {
+  add_choice<std::optional<RefineMethod>>(
+      app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
+      choice.refine.method,
+      "Refine the network's pose on all points, by iterated closest points or optimal transport, and keep "
+      "the "
+      "better of the two; see bitr refine")
+      ->expected(0, 1)
+      ->default_str("icp");
+  add_refine_options(app, choice.refine, "default");
+  add_restriction_options(app, choice.restriction);
+  choice.confidence = judge_unless_told;
+  app.add_flag_callback(
+      judge_unless_told ? "--no-confidence" : "--confidence",
+      [&choice, judge_unless_told] { choice.confidence = !judge_unless_told; },
+      judge_unless_told ? "Do not estimate how far the pose can be trusted, which takes eight more passes"
+                        : "Estimate how far each pose can be trusted, which takes eight more passes");
+  app.add_flag("--strict", choice.strict,
+               "Refuse a pose that is not determined, or has less confidence than --least-confidence");
+  app.add_option("--least-confidence", choice.least_confidence, "What --strict asks for, 0 … 1")
+      ->type_name("P")
+      ->capture_default_str();
+}
+
+Result<void> check_answer_options(const AnswerChoice& choice) {
+  if (!(choice.least_confidence >= 0 && choice.least_confidence <= 1))
+    return fail(ErrorCode::invalid_argument,
+                "--least-confidence " + Json(choice.least_confidence).dump() + ": is not in 0 … 1");
+  return {};
+}
+
+Json to_json(const AnswerChoice& choice) {
+  Json json = {{"confidence", choice.confidence || choice.strict},
+               {"least_confidence", choice.strict ? Json(choice.least_confidence) : Json(nullptr)},
+               {"refine", choice.refine.method ? Json(name(*choice.refine.method)) : Json(nullptr)}};
+  if (choice.refine.method) {
+    json["protocol"] = choice.refine.protocol ? Json(name(*choice.refine.protocol)) : Json(nullptr);
+    json["keep"] = optional_json(choice.refine.keep);
+    json["least_overlap"] = optional_json(choice.refine.least_overlap);
+    json["iterations"] = optional_json(choice.refine.iterations);
+  }
+  if (choice.restriction.any()) json["restriction"] = to_json(choice.restriction);
+  return json;
+}
+
+Result<AnswerOptions> answer_options(const AnswerChoice& choice, bool complete_match) {
+  if (auto checked = check_answer_options(choice); !checked) return tl::unexpected(checked.error());
+  auto refine = refine_options(choice.refine, RefineProtocol::adaptive);
+  if (!refine) return tl::unexpected(refine.error());
+  AnswerOptions options{.complete_match = complete_match,
+                        .restriction = choice.restriction,
+                        .confidence = choice.confidence || choice.strict};
+  if (choice.refine.method) options.refine = std::move(*refine);
+  return options;
+}
+
+Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
+                                   const AnswerOptions& options) {
+  const std::vector<CloudPair> clouds = used(pairs);
+  auto assemblies = assemble(plan, clouds,
+                             {.complete_match = options.complete_match,
+                              .diagnostics = true,
+                              .swap_residual = options.swap_residual});
+  if (!assemblies) return tl::unexpected(assemblies.error());
+  std::vector<std::optional<NetworkEvidence>> evidence(pairs.size());
+  if (options.confidence && !options.complete_match) {
+    auto found = resample(plan, clouds, *assemblies);
+    if (!found) return tl::unexpected(found.error());
+    evidence = std::move(*found);
+  }
+
+  std::vector<Answer> answers;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    Answer answer{std::move((*assemblies)[i])};
+    if (options.restriction.any() && answer.assembly.status != Status::failed) {
+      answer.restricted =
+          restrict_assembly(options.restriction, centroid_of(pairs[i].source.cloud), answer.assembly);
+      measure_overlap(clouds[i], answer.assembly.T_reference_source, plan.device().pool(),
+                      answer.assembly.diagnostics);
+      if (evidence[i]) evidence[i]->T_reference_source = answer.assembly.T_reference_source;
+    }
+    answers.push_back(std::move(answer));
+  }
+  if (options.refine)
+    if (const auto refined = refine(plan.device(), pairs, options, answers); !refined)
+      return tl::unexpected(refined.error());
+  if (options.confidence)
+    if (const auto judged = judge(plan.device(), pairs, evidence, answers); !judged)
+      return tl::unexpected(judged.error());
+  return answers;
+}
+
+std::string refusal(const Answer& answer, const AnswerChoice& choice) {
+  if (!choice.strict) return {};
+  if (answer.assembly.status != Status::ok)
+    return "the pose is not determined: " + answer.assembly.diagnostics.reason;
+  if (!answer.confidence || answer.confidence->value >= choice.least_confidence) return {};
+  std::string why = "confidence " + value_text(answer.confidence->value) + " is below " +
+                    value_text(choice.least_confidence);
+  for (const std::string& reason : answer.confidence->reasons) why += "; " + reason;
+  return why;
+}
+
+void print(const Confidence& confidence, std::FILE* out) {
+  std::fprintf(out, "confidence  %.2f that the pose is within 20° and a tenth of the size\n",
+               confidence.value);
+  for (const std::string& reason : confidence.reasons) std::fprintf(out, "            %s\n", reason.c_str());
+}
+
+Json to_json(const Confidence& confidence) {
+  const Evidence& e = confidence.evidence;
+  return {{"value", confidence.value},
+          {"reasons", confidence.reasons},
+          {"evidence",
+           {{"score", e.score},
+            {"overlap", e.overlap},
+            {"rims", e.rims},
+            {"interpenetration", e.interpenetration},
+            {"rotation_gap", optional_json(e.rotation_gap)},
+            {"spread", optional_json(e.spread)},
+            {"refined_by", optional_json(e.refined_by)}}}};
+}
+
+}  // namespace bitr::tool

@@ -1,0 +1,91 @@
+#include "pair_list.hpp"
+
+#include <algorithm>
+#include <bitr/io.hpp>
+
+#include "api/plan.hpp"
+#include "confidence/evidence.hpp"
+#include "core/random.hpp"
+#include "manifest.hpp"
+#include "pose_file.hpp"
+
+namespace bitr::tool {
+namespace {
+
+constexpr std::size_t mesh_points = 20'000;
+
+Pose random_motion(double length, Random& random) {
+  Pose pose;
+  pose.rotation = random.rotation();
+  for (double& t : pose.translation) t = random.uniform(-length, length);
+  return pose;
+}
+
+void move(PointCloud& cloud, const Pose& motion) {
+  for (Vec3d& point : cloud.positions) point = motion.apply(point);
+  for (Vec3f& normal : cloud.normals) {
+    const Vec3d turned = motion.rotate({normal[0], normal[1], normal[2]});
+    for (int a = 0; a < 3; ++a) normal[a] = static_cast<float>(turned[a]);
+  }
+}
+
+}  // namespace
+
+Result<PairList> PairList::open(const std::string& path) {
+  auto manifest = Manifest::open(path);
+  if (!manifest) return tl::unexpected(manifest.error());
+  PairList list;
+  for (;;) {
+    const auto next = manifest->next();
+    if (!next) return tl::unexpected(next.error());
+    if (!*next) break;
+    const ManifestEntry& entry = **next;
+    const auto truth = read_optional_pose(entry.truth);
+    if (!truth) return tl::unexpected(truth.error());
+    if (!*truth && !entry.pose)
+      return fail(ErrorCode::bad_file, path + ": " + entry.name + " has no truth to be compared with");
+    Known known{entry.name, {}, {}, *truth ? **truth : *entry.pose};
+    io::ReadOptions read{.mesh_points = mesh_points, .seed = 2 * entry.number};
+    for (const auto& [file, cloud] :
+         {std::pair(&entry.source, &known.source), {&entry.reference, &known.reference}}) {
+      auto made = io::read_cloud(*file, read);
+      if (!made) return tl::unexpected(made.error());
+      *cloud = std::move(*made);
+      ++read.seed;
+    }
+    list.pairs_.push_back(std::move(known));
+  }
+  if (list.pairs_.empty()) return fail(ErrorCode::bad_file, path + ": holds no pairs");
+  return list;
+}
+
+bool PairList::have_normals() const {
+  return std::all_of(pairs_.begin(), pairs_.end(), [](const Known& pair) {
+    return !pair.source.normals.empty() && !pair.reference.normals.empty();
+  });
+}
+
+DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t seed) const {
+  const Known& known = pairs_[index % pairs_.size()];
+  Random random(seed * 0x9e3779b97f4a7c15ULL + index);
+  DataSample sample;
+  sample.shape = known.name;
+  sample.source = io::subsample(known.source, points, random.bits());
+  sample.reference = io::subsample(known.reference, points, random.bits());
+  const CloudPair as_given = {sample.source, sample.reference};
+  sample.overlap = confidence::evidence_of_fit(as_given, known.T_reference_source, {}).overlap;
+  Pose T_source_object;
+  for (const Vec3d& point : sample.source.positions)
+    for (int a = 0; a < 3; ++a)
+      T_source_object.translation[a] += point[a] / static_cast<double>(sample.source.size());
+
+  const Pose source_motion = random_motion(diagonal(sample.source.positions), random),
+             reference_motion = random_motion(diagonal(sample.reference.positions), random);
+  move(sample.source, source_motion);
+  move(sample.reference, reference_motion);
+  sample.T_reference_source = reference_motion * known.T_reference_source * source_motion.inverse();
+  sample.T_source_object = source_motion * T_source_object;
+  return sample;
+}
+
+}  // namespace bitr::tool
