@@ -9,8 +9,7 @@ namespace {
 void walk(const CLI::App& app, const std::string& before, std::vector<TreeEntry>& tree) {
   const std::string name = before.empty() ? app.get_name() : before + " " + app.get_name();
   tree.push_back({name, &app});
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
-    walk(*command, name, tree);
+  for (const CLI::App* command : commands_of(app)) walk(*command, name, tree);
 }
 
 }  // namespace
@@ -19,6 +18,10 @@ std::vector<TreeEntry> tree_of(const CLI::App& root) {
   std::vector<TreeEntry> tree;
   walk(root, "", tree);
   return tree;
+}
+
+std::vector<const CLI::App*> commands_of(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App*) { return true; });
 }
 
 std::vector<const CLI::Option*> positionals_of(const CLI::App& app) {
@@ -74,6 +77,12 @@ Values values_of(const CLI::Option& option) {
     }
   }
   return values;
+}
+
+std::string joined(const std::vector<std::string>& words, const std::string& between) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
+  return text;
 }
 
 }  // namespace bitr::tool

@@ -15,6 +15,8 @@ struct TreeEntry {
 /// The root first, then its commands in the order of --help, each before its own.
 std::vector<TreeEntry> tree_of(const CLI::App& root);
 
+/// Its own commands.
+std::vector<const CLI::App*> commands_of(const CLI::App& app);
 std::vector<const CLI::Option*> positionals_of(const CLI::App& app);
 /// Without --help, which every command has.
 std::vector<const CLI::Option*> options_of(const CLI::App& app);
@@ -34,5 +36,7 @@ struct Values {
 /// By the type that --help shows: FILE is a file, DIR a folder, words in small letters stand for themselves,
 /// FILE|NAME is a model.
 Values values_of(const CLI::Option& option);
+
+std::string joined(const std::vector<std::string>& words, const std::string& between);
 
 }  // namespace bitr::tool

@@ -5,12 +5,6 @@
 namespace bitr::tool {
 namespace {
 
-std::string joined(const std::vector<std::string>& words, const std::string& between) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
-  return text;
-}
-
 /// For a shell, in single quotes; `quote` is how one is written within them.
 std::string quoted(const std::string& text, const std::string& quote) {
   std::string out = "'";
@@ -25,10 +19,9 @@ std::string path_of(const TreeEntry& entry) {
   return blank == std::string::npos ? "" : entry.name.substr(blank + 1);
 }
 
-std::vector<std::string> commands_of(const CLI::App& app) {
+std::vector<std::string> command_names(const CLI::App& app) {
   std::vector<std::string> names;
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
-    names.push_back(command->get_name());
+  for (const CLI::App* command : commands_of(app)) names.push_back(command->get_name());
   return names;
 }
 
@@ -70,7 +63,7 @@ std::string bash_completion(const CLI::App& root) {
       for (const std::string& word : spellings(*option)) patterns.push_back(in_shell(path + ":" + word));
       values += "    " + joined(patterns, " | ") + ") " + bash_offer(values_of(*option)) + " ;;\n";
     }
-    const auto commands = commands_of(*entry.app);
+    const auto commands = command_names(*entry.app);
     plain += "      " + in_shell(path) + ") options=" + in_shell(joined(option_words(*entry.app), " ")) + " ";
     plain +=
         commands.empty() ? bash_offer(positional_values(*entry.app)) : bash_offer({commands, false, false});
@@ -116,10 +109,12 @@ std::string bash_completion(const CLI::App& root) {
 namespace {
 
 std::string zsh_action(const Values& values) {
-  std::vector<std::string> actions;
+  const std::string words = "(" + joined(values.words, " ") + ")";
+  if (values.files && !values.words.empty())
+    return ":value:{_alternative \"words\\:word\\:" + words + "\" \"files\\:file\\:_files\"}";
   if (values.files) return ":file:_files";
   if (values.folders) return ":folder:_files -/";
-  if (!values.words.empty()) return ":word:(" + joined(values.words, " ") + ")";
+  if (!values.words.empty()) return ":word:" + words;
   return ":value: ";
 }
 
@@ -153,7 +148,7 @@ std::string zsh_completion(const CLI::App& root) {
         text +=
             " \\\n    " + in_shell(word + equals + "[" + zsh_text(option->get_description()) + "]" + value);
       }
-    const auto commands = entry.app->get_subcommands([](const CLI::App*) { return true; });
+    const auto commands = commands_of(*entry.app);
     if (commands.empty()) {
       for (const CLI::Option* option : positionals_of(*entry.app)) {
         const bool many = option->get_expected_max() > 1;
@@ -188,9 +183,9 @@ std::string fish_completion(const CLI::App& root) {
       where += (where.empty() ? "" : "; and ") + ("__fish_seen_subcommand_from " + path.substr(at, end - at));
       at = end + 1;
     }
-    const auto commands = entry.app->get_subcommands([](const CLI::App*) { return true; });
+    const auto commands = commands_of(*entry.app);
     if (!commands.empty()) {
-      const std::string below = "not __fish_seen_subcommand_from " + joined(commands_of(*entry.app), " ");
+      const std::string below = "not __fish_seen_subcommand_from " + joined(command_names(*entry.app), " ");
       where += (where.empty() ? "" : "; and ") + below;
     }
     const std::string start = "complete -c bitr -n " + in_fish(where);
@@ -205,7 +200,10 @@ std::string fish_completion(const CLI::App& root) {
       text += start;
       for (const std::string& word : spellings(*option))
         text += word.starts_with("--") ? " -l " + word.substr(2) : " -s " + word.substr(1);
-      if (takes_value(*option)) text += (value_optional(*option) ? "" : " -r") + offer(values_of(*option));
+      const Values values = values_of(*option);
+      if (takes_value(*option))
+        text +=
+            std::string(value_optional(*option) ? "" : " -r") + (values.files ? "" : " -f") + offer(values);
       text += " -d " + in_fish(option->get_description()) + "\n";
     }
     if (const std::string words = offer(positional_values(*entry.app)); !words.empty() && commands.empty())

@@ -43,12 +43,6 @@ std::string markdown_text(std::string text) {
   return text;
 }
 
-std::string joined(const std::vector<std::string>& words, const std::string& between) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : between) + word;
-  return text;
-}
-
 /// " FILE", "[=none|icp|ot]".
 std::string value_text(const CLI::Option& option) {
   if (!takes_value(option)) return "";

@@ -14,7 +14,8 @@ using Words = std::vector<std::string>;
 TEST(Help, EveryCommandExplainsItselfWithAnExample) {
   const std::vector<Words> commands = {{},         {"assemble"}, {"refine"},        {"generate"},
                                        {"train"},  {"eval"},     {"bench"},         {"devices"},
-                                       {"doctor"}, {"model"},    {"model", "info"}, {"model", "convert"}};
+                                       {"doctor"}, {"model"},    {"model", "info"}, {"model", "convert"},
+                                       {"batch"},  {"help"},     {"completion"}};
   for (Words words : commands) {
     const std::string name = testing::PrintToString(words);
     words.push_back("--help");
