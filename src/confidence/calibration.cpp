@@ -17,9 +17,9 @@ struct Term {
 
 struct Calibration {
   double bias = 0;
-  Term spread, gap;  ///< spread and turn as log(1 + degrees)
-  Term score, overlap, rims;
-  Term turn;
+  Term spread = {}, gap = {};  ///< spread and turn as log(1 + degrees)
+  Term score = {}, overlap = {}, rims = {};
+  Term turn = {};
 };
 
 // 2200 poses, 1518 of them right
