@@ -13,6 +13,11 @@ if [[ ! -e $example/aircraft_000_truth.json ]]; then
   "$bitr" generate aircraft --share 0.5 --points 1024 --noise 0.005 --out "$example" --count 1 --seed 20005
 fi
 
+page=()
+if [[ -d viewer/node_modules ]]; then
+  page=(--view "$example/assembly.html")
+fi
+
 cat <<'TEXT'
 
 Two halves of an aeroplane that the model has never seen, without any overlap, each in a frame of its own:
@@ -20,7 +25,7 @@ Two halves of an aeroplane that the model has never seen, without any overlap, e
 TEXT
 "$bitr" assemble "$example/aircraft_000_source.ply" "$example/aircraft_000_reference.ply" \
   --truth "$example/aircraft_000_truth.json" -o "$example/assembled.ply" --json "$example/assembly.json" \
-  --image "$example/assembly.png"
+  --image "$example/assembly.png" "${page[@]}"
 
 cat <<TEXT
 
@@ -30,3 +35,6 @@ Written to $PWD/$example:
   assembled.ply   both clouds in the reference's frame, the source in orange
   assembly.json   the pose, the diagnostics, the times
 TEXT
+if ((${#page[@]})); then
+  echo "  assembly.html   both halves in 3-D, for a browser"
+fi
