@@ -17,19 +17,20 @@
 #include "generate/pairs.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "pair_list.hpp"
 
 namespace bitr::tool {
 namespace {
 
 struct Options {
   MethodChoice methods;
-  std::string kind, folder, json, csv, html;
+  std::string kind, folder, pairs, json, csv, html;
   std::optional<Protocol> protocol;
   std::vector<double> shares;
   std::vector<std::uint64_t> points;
   std::optional<Split> asked_split;
   Split split = Split::test;  ///< what it comes to
-  std::uint64_t shapes = 10'000, samples = 200, seed = 0, batch = 8;
+  std::uint64_t shapes = 10'000, samples = 0, seed = 0, batch = 8;
   double noise = 0.01;
   bool same_points = false, confidence = false;
   std::optional<double> keep;
@@ -65,19 +66,32 @@ double usual_keep(Protocol protocol, double share) {
 
 /// The kind's own way to make pairs; files are cropped.
 Result<generate::Way> way_of(const Options& options) {
-  if (options.kind.empty() == options.folder.empty())
-    return wrong(options.kind.empty() ? "eval: nothing to evaluate on; give --kind or --data"
-                                      : "--kind and --data: give one of them");
+  const int given = !options.kind.empty() + !options.folder.empty() + !options.pairs.empty();
+  if (given != 1)
+    return wrong(given == 0 ? "eval: nothing to evaluate on; give --kind, --data or --pairs"
+                            : "--kind, --data and --pairs: give one of them");
   if (options.kind.empty()) return generate::Way::cropped;
   const auto kind = generate::kind_named(options.kind);
   if (!kind) return tl::unexpected(kind.error());
   return (*kind)->way;
 }
 
+/// Pairs are as they are: only how many of their points are used may vary.
+Result<std::vector<Setting>> settings_of_pairs(Options& options) {
+  if (options.protocol || !options.shares.empty() || options.asked_split)
+    return wrong("--pairs: takes no --protocol, --share or --split, which are of shapes");
+  if (options.points.empty()) options.points = {1024};
+  std::vector<Setting> settings;
+  for (const std::uint64_t points : options.points)
+    settings.push_back({"pairs", {}, options.keep.value_or(0.5), points});
+  return settings;
+}
+
 /// Every share at every number of points. Fills in what was not given.
 Result<std::vector<Setting>> choose_settings(Options& options) {
   const auto way = way_of(options);
   if (!way) return tl::unexpected(way.error());
+  if (!options.pairs.empty()) return settings_of_pairs(options);
   if (!options.protocol && *way == generate::Way::cropped) options.protocol = Protocol::opposed;
   if (!options.protocol && !options.shares.empty()) return wrong("--share needs a --protocol");
   if (options.shares.empty()) options.shares = {0.7};
@@ -119,6 +133,28 @@ Result<void> check_options(const Options& options) {
   return {};
 }
 
+/// Pairs that are made of shapes, or those of a manifest.
+class EvalData {
+ public:
+  explicit EvalData(DataSet shapes) : shapes_(std::move(shapes)) {}
+  EvalData(std::shared_ptr<const PairList> list, std::size_t points, std::uint64_t seed)
+      : list_(std::move(list)), points_(points), seed_(seed) {}
+
+  Result<DataSample> sample(std::size_t i) const {
+    return list_ ? list_->sample(i, points_, seed_) : shapes_->sample(0, i);
+  }
+  std::size_t shapes() const { return list_ ? list_->pairs() : shapes_->shapes(); }
+  std::vector<SkippedShape> skipped() const {
+    return list_ ? std::vector<SkippedShape>() : shapes_->skipped();
+  }
+
+ private:
+  std::optional<DataSet> shapes_;
+  std::shared_ptr<const PairList> list_;
+  std::size_t points_ = 0;
+  std::uint64_t seed_ = 0;
+};
+
 Result<DataSet> open_data(const Options& options, const Setting& setting, bool normals) {
   DataOptions data;
   DataPart part;
@@ -152,11 +188,11 @@ void choose_split(Options& options, const Setting& setting, bool normals) {
        " too few to hold some back: a model trained on this folder has seen them");
 }
 
-Result<std::vector<DataSample>> draw(const DataSet& data, std::size_t first, std::size_t count,
+Result<std::vector<DataSample>> draw(const EvalData& data, std::size_t first, std::size_t count,
                                      const Device& device) {
   std::vector<Result<DataSample>> drawn(count, fail(ErrorCode::internal, "not drawn"));
   device.pool().parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) drawn[i] = data.sample(0, first + i);
+    for (std::size_t i = begin; i < end; ++i) drawn[i] = data.sample(first + i);
   });
   std::vector<DataSample> batch;
   for (Result<DataSample>& sample : drawn) {
@@ -187,7 +223,7 @@ Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const s
   return {};
 }
 
-Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const DataSet& data,
+Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const EvalData& data,
                              std::vector<Method>& methods, const Device& device) {
   EvalSetting result{.protocol = setting.protocol,
                      .share = setting.share,
@@ -241,25 +277,30 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
                         {"parameters", method.model->parameter_count()},
                         {"trained", method.model->trained()},
                         {"mode", mode_name(options.methods.mode.value_or(method.model->mode()))}});
-  return {{options.kind.empty() ? "data" : "kind", options.kind.empty() ? options.folder : options.kind},
-          {"split", split_name(options.split)},
-          {"shapes", shapes},
-          {"noise", options.noise},
-          {"same_points", options.same_points},
-          {"samples", options.samples},
-          {"seed", options.seed},
-          {"models", models},
-          {"backend", name(device.backend())},
-          {"device", device.name()}};
+  Json json;
+  if (!options.pairs.empty())
+    json = {{"pairs", options.pairs}, {"held", shapes}};
+  else
+    json = {{options.kind.empty() ? "data" : "kind", options.kind.empty() ? options.folder : options.kind},
+            {"split", split_name(options.split)},
+            {"shapes", shapes},
+            {"noise", options.noise},
+            {"same_points", options.same_points}};
+  json.update({{"samples", options.samples},
+               {"seed", options.seed},
+               {"models", models},
+               {"backend", name(device.backend())},
+               {"device", device.name()}});
+  return json;
 }
 
 /// Shapes and pairs are made again, so that none had to be kept.
-Result<std::string> page_of(const EvalReport& report, const std::vector<DataSet>& data) {
+Result<std::string> page_of(const EvalReport& report, const std::vector<EvalData>& data) {
   std::vector<EvalCase> cases = worst_and_best(report);
   for (EvalCase& one : cases) {
     const EvalPair& pair = report.settings[one.setting].methods[one.method].pairs[one.pair];
     if (!is_finite(pair.T_reference_source)) continue;
-    const auto sample = data[one.setting].sample(0, pair.sample);
+    const auto sample = data[one.setting].sample(pair.sample);
     if (!sample) return tl::unexpected(sample.error());
     Assembly assembly;
     assembly.T_reference_source = pair.T_reference_source;
@@ -274,6 +315,9 @@ Result<std::string> page_of(const EvalReport& report, const std::vector<DataSet>
 }
 
 std::string describe(const Options& options, std::size_t shapes) {
+  if (!options.pairs.empty())
+    return options.pairs + ", " + std::to_string(shapes) + (shapes == 1 ? " pair" : " pairs") +
+           ", both clouds moved at random, seed " + std::to_string(options.seed);
   return (options.kind.empty() ? options.folder : options.kind) + ", " + split_name(options.split) +
          " split of " + std::to_string(shapes) + (shapes == 1 ? " shape" : " shapes") + ", noise " +
          Json(options.noise).dump() + ", seed " + std::to_string(options.seed) +
@@ -291,13 +335,29 @@ int run(Options& options) {
   const bool normals = std::any_of(methods->begin(), methods->end(), [](const Method& method) {
     return method.model && method.model->config().return_normals;
   });
-  choose_split(options, settings->front(), normals);
+  std::shared_ptr<const PairList> list;
+  if (!options.pairs.empty()) {
+    auto opened = PairList::open(options.pairs);
+    if (!opened) return complain(opened.error());
+    if (normals && !opened->without_normals().empty())
+      return complain(bad_usage, "--pairs " + options.pairs + ": " + opened->without_normals() +
+                                     " has no normals, which a model reads");
+    if (options.samples == 0) options.samples = opened->pairs();
+    list = std::make_shared<const PairList>(std::move(*opened));
+  } else {
+    if (options.samples == 0) options.samples = 200;
+    choose_split(options, settings->front(), normals);
+  }
   // All opened before any is used: what is wrong with one should not come out after an hour.
-  std::vector<DataSet> data;
+  std::vector<EvalData> data;
   for (const Setting& setting : *settings) {
+    if (list) {
+      data.emplace_back(list, setting.points, options.seed);
+      continue;
+    }
     auto opened = open_data(options, setting, normals);
     if (!opened) return complain(opened.error());
-    data.push_back(std::move(*opened));
+    data.emplace_back(std::move(*opened));
   }
   const bool network = std::any_of(methods->begin(), methods->end(),
                                    [](const Method& method) { return method.way == Way::network; });
@@ -352,6 +412,11 @@ Command add_eval(CLI::App& root) {
   app->add_option("--kind", options->kind, "Generated shapes: a KIND of bitr generate")->type_name("KIND");
   app->add_option("--data", options->folder, "Meshes and clouds in this folder and below instead")
       ->type_name("DIR");
+  app->add_option(
+         "--pairs", options->pairs,
+         "Pairs with known answers instead, all in memory: a manifest of bitr batch whose pairs have a "
+         "truth")
+      ->type_name("MANIFEST");
   app->add_option("--methods", options->methods.controls,
                   "Controls: " + std::string(control_names) +
                       ", each also with +icp, +ot or +trimmed-icp; all of them when no model is given")
@@ -404,7 +469,9 @@ Command add_eval(CLI::App& root) {
       ->capture_default_str();
   app->add_flag("--same-points", options->same_points,
                 "Both crops take their points from one sample of the surface, not each from its own");
-  add_count(*app, "--samples", options->samples, 1, 1'000'000, "Pairs of every share and number of points");
+  add_count(*app, "--samples", options->samples, 1, 1'000'000,
+            "Pairs of every share and number of points; of a manifest, its pairs again and again, moved anew")
+      ->default_str("200, or the manifest's pairs");
   add_choice<Split>(
       *app, "--split", split_names, options->asked_split,
       "Shapes to use; all of a folder that has fewer than " + std::to_string(least_divided_shapes))

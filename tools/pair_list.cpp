@@ -1,6 +1,5 @@
 #include "pair_list.hpp"
 
-#include <algorithm>
 #include <bitr/io.hpp>
 
 #include "api/plan.hpp"
@@ -51,18 +50,13 @@ Result<PairList> PairList::open(const std::string& path) {
       auto made = io::read_cloud(*file, read);
       if (!made) return tl::unexpected(made.error());
       *cloud = std::move(*made);
+      if (cloud->normals.empty()) list.without_normals_ = *file;
       ++read.seed;
     }
     list.pairs_.push_back(std::move(known));
   }
   if (list.pairs_.empty()) return fail(ErrorCode::bad_file, path + ": holds no pairs");
   return list;
-}
-
-bool PairList::have_normals() const {
-  return std::all_of(pairs_.begin(), pairs_.end(), [](const Known& pair) {
-    return !pair.source.normals.empty() && !pair.reference.normals.empty();
-  });
 }
 
 DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t seed) const {

@@ -16,7 +16,8 @@ class PairList {
   static Result<PairList> open(const std::string& manifest);
 
   std::size_t pairs() const { return pairs_.size(); }
-  bool have_normals() const;
+  /// A file without normals; empty when every cloud has them.
+  const std::string& without_normals() const { return without_normals_; }
   /// Pair index mod pairs(): of each cloud `points` at most, by chance; a motion up to the cloud's own
   /// length. The object's origin is the source's middle.
   DataSample sample(std::size_t index, std::size_t points, std::uint64_t seed) const;
@@ -28,6 +29,7 @@ class PairList {
     Pose T_reference_source;
   };
   std::vector<Known> pairs_;
+  std::string without_normals_;
 };
 
 }  // namespace bitr::tool
