@@ -115,4 +115,11 @@ struct RowSumParameters {
   uint vectors;  // vec4s of a row
 };
 
+// Kernels that work on transport plans.
+struct SinkhornParameters {
+  uint first;      // tile, or plan, of the first work group
+  uint iteration;  // from 1; the last one, where that is over
+  uint rows;       // of all points
+};
+
 #endif

@@ -277,13 +277,13 @@ class Refiner : public Stepper {
 std::size_t refine_together(const Device& device, std::span<const CloudPair> pairs,
                             std::span<const Pose> starts, const RefineOptions& options, std::size_t begin,
                             std::vector<Refinement>& results) {
-  std::size_t end = begin, points = 0;
-  do {
-    points += pairs[end].source.positions.count + pairs[end].reference.positions.count;
-    ++end;
-  } while (end < pairs.size() &&
-           points + pairs[end].source.positions.count + pairs[end].reference.positions.count <=
-               most_together);
+  std::size_t end = begin;
+  // Small clouds take as much memory as 64 points.
+  for (std::size_t points = 0; end < pairs.size(); ++end) {
+    for (const CloudView* cloud : {&pairs[end].source, &pairs[end].reference})
+      points += std::max<std::size_t>(cloud->positions.count, 64);
+    if (end > begin && points > most_together) break;
+  }
   std::vector<std::unique_ptr<Refiner>> refiners(end - begin);
   device.pool().parallel_for(refiners.size(), 1, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i)
@@ -318,7 +318,7 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
       if (!is_finite(starts[i])) refuse(which + "the start is not finite");
     }
     std::vector<Refinement> results(pairs.size());
-    if (device.context() && options.method == RefineMethod::icp) {
+    if (device.context()) {
       for (std::size_t begin = 0; begin < pairs.size();)
         begin = refine_together(device, pairs, starts, options, begin, results);
       return results;

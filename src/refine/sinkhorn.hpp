@@ -68,6 +68,9 @@ class Sinkhorn {
   double log_plan(std::size_t source, std::size_t reference) const;
 
   const BlockedPoints& source() const { return source_; }
+  const BlockedPoints& reference() const { return reference_; }
+  /// v, in the order of the reference's rows: where a warm start begins.
+  Eigen::ArrayXd& column_potentials() { return v_; }
   std::size_t bytes() const;
 
  private:

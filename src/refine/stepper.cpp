@@ -22,11 +22,7 @@ void find(const Search& search, const Workers& workers) {
 void drive(Stepper& stepper, const Workers& workers) {
   for (Wanted wanted = stepper.wanted(); !wanted.nothing(); wanted = stepper.wanted()) {
     for (const Search& search : wanted.searches) find(search, workers);
-    if (wanted.plan) {
-      PlanWanted& plan = *wanted.plan;
-      plan.plan.normalise(plan.stage.affinity, plan.stage.sinkhorn, plan.warm);
-      plan.plan.project(plan.weights, plan.targets);
-    }
+    if (wanted.plan) solve(*wanted.plan);
     stepper.step();
   }
 }

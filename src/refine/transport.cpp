@@ -102,6 +102,11 @@ class Steps : public Stepper {
 
 }  // namespace
 
+void solve(PlanWanted& wanted) {
+  wanted.plan.normalise(wanted.stage.affinity, wanted.stage.sinkhorn, wanted.warm);
+  wanted.plan.project(wanted.weights, wanted.targets);
+}
+
 std::unique_ptr<Stepper> transport_stepper(const TransportCloud& source, const TransportCloud& reference,
                                            const Pose& start, std::span<const TransportStage> stages,
                                            const Workers& workers, TransportResult& result) {

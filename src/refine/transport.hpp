@@ -44,6 +44,9 @@ struct PlanWanted {
   Eigen::ArrayXXd targets;  ///< both as of Sinkhorn::project()
 };
 
+/// On the CPU, with the plan's own workers.
+void solve(PlanWanted& wanted);
+
 /// One stage after the other; the default is the official code's only one. Clouds of at least three points,
 /// in units that suit the affinities and near the origin.
 TransportResult transport(const TransportCloud& source, const TransportCloud& reference, const Pose& start,

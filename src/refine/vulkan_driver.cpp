@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/halves.hpp"
+#include "refine/vulkan_plans.hpp"
 #include "vk/kernel.hpp"
 #include "vk/nearest.hpp"
 
@@ -113,6 +114,7 @@ class Searcher {
 
 void drive(std::span<Stepper* const> steppers, const vk::Context& context, cpu::ThreadPool& pool) {
   Searcher searcher(context, pool);
+  VulkanPlans plans(context, pool);
   std::vector<Stepper*> going(steppers.begin(), steppers.end());
   const auto each = [&](const auto& visit) {
     pool.parallel_for(going.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -123,16 +125,17 @@ void drive(std::span<Stepper* const> steppers, const vk::Context& context, cpu::
     std::vector<Wanted> wanted(going.size());
     each([&](std::size_t i) { wanted[i] = going[i]->wanted(); });
     std::vector<const Search*> searches;
-    std::vector<PlanWanted*> plans;
+    std::vector<PlanWanted*> planned;
     std::vector<Stepper*> next;
     for (std::size_t i = 0; i < going.size(); ++i) {
       if (wanted[i].nothing()) continue;
       next.push_back(going[i]);
       for (const Search& search : wanted[i].searches) searches.push_back(&search);
-      if (wanted[i].plan) plans.push_back(wanted[i].plan);
+      if (wanted[i].plan) planned.push_back(wanted[i].plan);
     }
     going = std::move(next);
     searcher.run(searches);
+    plans.run(planned);
     each([&](std::size_t i) { going[i]->step(); });
   }
 }

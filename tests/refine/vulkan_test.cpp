@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cpu/thread_pool.hpp"
+#include "refine/vulkan_plans.hpp"
 #include "support/golden_refinement.hpp"
 #include "support/random_motion.hpp"
 #include "support/vulkan.hpp"
@@ -93,6 +94,102 @@ TEST_F(RefineVulkan, IcpIsTheOfficialCodes) {
   }
 }
 
+TEST_F(RefineVulkan, TransportIsTheOfficialCodes) {
+  const test::GoldenRefinement golden("ot0");
+  refine::Sinkhorn plan({golden.cloud("src").positions, {}, 0}, {golden.cloud("ref").positions, {}, 0}, {});
+  plan.move_source(golden.pose("_init"));
+  EXPECT_TRUE(refine::VulkanPlans::fits({plan, {}, false, {}, {}}));
+  Pairs pairs;
+  pairs.add(golden.cloud("src"), golden.cloud("ref"), golden.pose("_init"));
+  RefineOptions options{.method = RefineMethod::transport, .protocol = RefineProtocol::official};
+  const Refinement last = refined(device(), pairs, options).front();
+  EXPECT_LE(rotation_error_degrees(last.proposal, golden.pose("")), 1e-3);
+  EXPECT_LE(translation_error(last.proposal, golden.pose("")), 1e-5);
+  EXPECT_NEAR(last.iterations, 79, 1);
+  options.most_iterations = 1;
+  const Refinement first = refined(device(), pairs, options).front();
+  EXPECT_LE(rotation_error_degrees(first.proposal, golden.pose("_after1")), 1e-3);
+}
+
+// One after the other on the CPU, together on the device.
+TEST_F(RefineVulkan, PlansAreTheCpus) {
+  Random random(7);
+  const auto points = [&](std::size_t count) {
+    std::vector<Vec3d> rows(count);
+    for (Vec3d& row : rows)
+      for (double& x : row) x = random.uniform(-0.5, 0.5);
+    return rows;
+  };
+  const auto directions = [&](std::size_t count) {
+    std::vector<Vec3d> rows(count);
+    for (Vec3d& row : rows)
+      for (Eigen::Index a = 0; a < 3; ++a) row[a] = test::random_unit(random)[a];
+    return rows;
+  };
+  cpu::ThreadPool pool(2);
+  refine::VulkanPlans plans(*test::vulkan(), pool);
+  for (const double beta : {3.0, 100.0, 5000.0}) {
+    std::vector<std::unique_ptr<refine::Sinkhorn>> cpu, vulkan;
+    std::vector<std::unique_ptr<refine::TransportStage>> stages;
+    for (const auto& [n, m, length] : {std::tuple{3, 3, 0.0},
+                                       {3, 65, 0.3},
+                                       {63, 64, 0.0},
+                                       {65, 5, 0.0},
+                                       {64, 128, 0.2},
+                                       {129, 63, 0.0},
+                                       {400, 300, 0.1},
+                                       {300, 700, 0.0}}) {
+      const auto X = points(n), Y = points(m);
+      const auto NX = directions(length > 0 ? n : 0), NY = directions(length > 0 ? m : 0);
+      stages.push_back(std::make_unique<refine::TransportStage>());
+      *stages.back() = {.affinity = {.beta = beta, .alpha = random.uniform(0, 0.5)},
+                        .normal_length = length,
+                        .sinkhorn = {.most_iterations = 60, .tolerance = 1e-3}};
+      for (auto* made : {&cpu, &vulkan})
+        made->push_back(std::make_unique<refine::Sinkhorn>(
+            refine::BlockedPoints(X, NX, length), refine::BlockedPoints(Y, NY, length), refine::Workers{}));
+    }
+    for (const bool warm : {false, true}) {
+      std::vector<refine::PlanWanted> expected, wanted;
+      std::vector<refine::PlanWanted*> all;
+      for (std::size_t i = 0; i < cpu.size(); ++i) {
+        expected.push_back({*cpu[i], *stages[i], warm, {}, {}});
+        wanted.push_back({*vulkan[i], *stages[i], warm, {}, {}});
+      }
+      for (refine::PlanWanted& each : wanted) {
+        EXPECT_TRUE(refine::VulkanPlans::fits(each));
+        all.push_back(&each);
+      }
+      plans.run(all);
+      for (std::size_t i = 0; i < cpu.size(); ++i) {
+        refine::solve(expected[i]);
+        const std::string which = "beta " + std::to_string(beta) + ", plan " + std::to_string(i);
+        EXPECT_LE((wanted[i].weights - expected[i].weights).abs().maxCoeff(), 1e-5) << which;
+        EXPECT_LE((wanted[i].targets - expected[i].targets).abs().maxCoeff(), 1e-5) << which;
+      }
+    }
+  }
+}
+
+TEST_F(RefineVulkan, TwentyThousandPointsEachInLinearMemory) {
+  Random random(4);
+  std::vector<Vec3d> points(20'000);
+  for (Vec3d& point : points)
+    for (double& x : point) x = random.uniform(-0.5, 0.5);
+  cpu::ThreadPool pool(2);
+  refine::VulkanPlans plans(*test::vulkan(), pool);
+  const refine::TransportStage stage{.affinity = {.beta = 5000, .alpha = 0.002},
+                                     .sinkhorn = {.most_iterations = 2}};
+  refine::Sinkhorn plan({points, {}, 0}, {points, {}, 0}, {}),
+      same({points, {}, 0}, {points, {}, 0}, {&pool});
+  refine::PlanWanted wanted{plan, stage, false, {}, {}}, expected{same, stage, false, {}, {}};
+  refine::PlanWanted* one = &wanted;
+  plans.run({&one, 1});
+  EXPECT_LE(plans.bytes(), points.size() * 2 * 300);
+  refine::solve(expected);
+  EXPECT_LE((wanted.weights - expected.weights).abs().maxCoeff(), 1e-5);
+}
+
 TEST_F(RefineVulkan, EqualsTheCpu) {
   Random random(1);
   Pairs pairs;
@@ -117,11 +214,30 @@ TEST_F(RefineVulkan, EqualsTheCpu) {
     }
 }
 
+TEST_F(RefineVulkan, TransportEqualsTheCpu) {
+  Random random(5);
+  Pairs pairs;
+  for (const auto& [n, m, normals] :
+       {std::tuple{3, 5, false}, {64, 65, true}, {150, 63, false}, {300, 420, true}})
+    add_pair(pairs, random, n, m, normals);
+  for (const RefineProtocol protocol : {RefineProtocol::adaptive, RefineProtocol::official}) {
+    const bool official = protocol == RefineProtocol::official;
+    const RefineOptions options{.method = RefineMethod::transport,
+                                .protocol = protocol,
+                                .least_overlap = 0,
+                                .most_iterations = official ? 8 : 10};
+    const auto vulkan = refined(device(), pairs, options);
+    const auto cpu = refined(cpu_device(2), pairs, options);
+    for (std::size_t i = 0; i < cpu.size(); ++i)
+      expect_equal(vulkan[i], cpu[i], "pair " + std::to_string(i) + ", " + std::string(name(protocol)));
+  }
+}
+
 TEST_F(RefineVulkan, BatchesChangeNothing) {
   Random random(2);
   Pairs pairs;
   for (int i = 0; i < 7; ++i) add_pair(pairs, random, 30 + random.below(400), 30 + random.below(400), i % 2);
-  for (const RefineMethod method : {RefineMethod::icp}) {
+  for (const RefineMethod method : {RefineMethod::icp, RefineMethod::transport}) {
     const RefineOptions options{.method = method};
     const auto together = refined(device(), pairs, options);
     const auto some =
