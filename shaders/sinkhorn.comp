@@ -1,15 +1,16 @@
-// sinkhorn.comp: half an iteration of Sinkhorn's: the potentials of one side that make its rows of the plan sum to 1 with
-// their slack; see src/vk/sinkhorn.hpp. For the sources' side also how much the last iteration changed the plan. An invocation
-// takes a row, a work group a block of 64 neighbours, which looks at the other side's blocks that can matter to it.
+// sinkhorn.comp: half an iteration of Sinkhorn's: the potentials of one side that make its rows of the plan sum to 1
+// with their slack; see src/vk/sinkhorn.hpp. With CHANGES, on the sources' side, also how much the last iteration
+// changed the plan. An invocation takes a row, a work group a block of 64 neighbours, which looks at the other side's
+// blocks that can matter to it.
 // in  0 points     f32[P,4·(1+NORMALS)] xyz, normal; in kernel widths; a cloud begins at a multiple of 64
 // in  1 boxes      f32[P/64,8]  low corner, 0, high corner, 0
 // in  2 tiles      u32[tiles,4] plan, first row, row past the last, 0
-// in  3 plans      u32[plans,8] sources' first row, past the last, references' first row, past the last, slack (coarse, rest),
-//                               tolerance, 0
+// in  3 plans      u32[plans,8] sources' first row, past the last, references' first row, past the last, slack
+//                               (coarse, rest), tolerance, 0
 // mod 4 potentials f32[2P,4]    coarse, rest, last change, –; sources' of even and odd iterations, from row 0 and P on
 // mod 5 blocks     f32[P/64,4]  largest potential, largest |last change|, Σ |change of the plan|, –
 // in  6 states     u32[plans,4] whether it has stopped, after which iteration, –, –
-// spec 0 WORKGROUP=64  1 NORMALS | grid tiles | shared 1.5 KiB
+// spec 0 WORKGROUP=64  1 NORMALS  2 CHANGES | grid tiles | shared 1.5 KiB
 // loops ≤ 10·P/64 + 200 with ≤ 400000 points of a cloud ≤ 62700 < 65535 | error: 1e-6 of a potential's change | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -22,6 +23,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool NORMALS = false;
+layout(constant_id = 2) const bool CHANGES = true;  // of the plan are wanted
 
 layout(set = 0, binding = 0) readonly buffer Points { vec4 points[]; };
 layout(set = 0, binding = 1) readonly buffer Boxes { vec4 boxes[]; };
@@ -38,10 +40,11 @@ shared float shared_bound[64];
 shared uint shared_block[64];
 shared vec4 shared_totals[64];
 
-// exp(x) − 1 keeps its digits near 0.
+// |exp(x) − 1| keeps its digits near 0; where a potential changed by more than 1 nobody asks (sinkhorn_stop.comp).
 float change_by(float x) {
-  const float small = x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x / 120.0))));
-  return abs(abs(x) < 0.5 ? small : exp(min(x, 80.0)) - 1.0);
+  const float y = clamp(x, -1.0, 1.0);
+  const float higher = 1.0 / 24.0 + y * (1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0)));
+  return abs(y + y * y * (0.5 + y * (1.0 / 6.0 + y * higher)));
 }
 
 // log of 1/√2 … √2, to single precision.
@@ -72,7 +75,7 @@ void add_block(inout Sums sums, vec3 position, vec3 normal, float own_change, ui
     [[unroll]] for (int i = 0; i < BATCH; ++i) {
       const float part = exp(terms[i].coarse - most + terms[i].rest);
       sums.total += part;
-      sums.changed += part * change_by(-own_change - terms[i].change);
+      if (CHANGES) sums.changed += part * change_by(-own_change - terms[i].change);
     }
   }
 }
@@ -108,7 +111,7 @@ void main() {
   shared_bound[lane] = best;
   shared_block[lane] = best_block;
   barrier();
-  for (uint i = 0; i < BLOCK; ++i)
+  for (uint i = 0; i < BLOCK && going; ++i)
     if (shared_bound[i] > best || (shared_bound[i] == best && shared_block[i] < best_block)) {
       best = shared_bound[i];
       best_block = shared_block[i];
@@ -122,7 +125,7 @@ void main() {
   shared_bound[lane] = sums.most;
   barrier();
   float least = sums.most;
-  for (uint i = 0; i < BLOCK; ++i) least = min(least, shared_bound[i]);
+  for (uint i = 0; i < BLOCK && going; ++i) least = min(least, shared_bound[i]);
   least -= NEGLIGIBLE;
   barrier();
 

@@ -73,12 +73,16 @@ struct Refinement {
   double overlap = 0;  ///< share of source points nearer than τ to the reference, at the pose returned
   std::optional<double> rmse;       ///< of their distances, in the clouds' units; empty when there is none
   double spacing = 0;               ///< the larger of the clouds' median distances between neighbours
-  std::size_t workspace_bytes = 0;  ///< memory taken beside the clouds: linear in their points
+  std::size_t workspace_bytes = 0;  ///< host memory taken beside the clouds: linear in their points
 };
 
-/// Refines starts[i] on pairs[i]. Runs on the device's CPU threads; results do not depend on their number.
+/// Refines starts[i] on pairs[i], on the device: Vulkan is asked for the nearest points, or for the sums over
+/// transport plans, of all pairs together, in single precision, and the rest is done on the host's threads in
+/// double, so that results are the CPU's but for rounding. They do not depend on the number of threads or on
+/// what else is in the call.
 /// `invalid_argument` when the counts differ, a cloud has fewer than 3 points, a coordinate or a start is not
-/// finite, normals are not one per point, or an option is out of its range; the message names the pair.
+/// finite, normals are not one per point, or an option is out of its range; the message names the pair. On
+/// Vulkan also `device_lost`, or `internal` when its memory runs out.
 Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<const CloudPair> pairs,
                                              std::span<const Pose> starts, const RefineOptions& options = {});
 

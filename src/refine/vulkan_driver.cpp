@@ -4,6 +4,7 @@
 #include <bit>
 #include <map>
 #include <numeric>
+#include <optional>
 
 #include "core/halves.hpp"
 #include "refine/vulkan_plans.hpp"

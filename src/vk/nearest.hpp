@@ -1,6 +1,7 @@
 // Points that look for their nearest in other clouds, for many clouds in one submission.
 #pragma once
 
+#include <array>
 #include <bitr/cloud.hpp>
 #include <span>
 #include <vector>

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "sinkhorn.spv.hpp"
 #include "sinkhorn_shuffle.spv.hpp"
@@ -17,9 +18,9 @@ namespace {
 
 constexpr Access balance_bindings[] = {Access::read,   Access::read,   Access::read, Access::read,
                                        Access::modify, Access::modify, Access::read};
-constexpr Shader balance_basic{"sinkhorn", spirv::sinkhorn, balance_bindings, sizeof(SinkhornParameters), 2};
+constexpr Shader balance_basic{"sinkhorn", spirv::sinkhorn, balance_bindings, sizeof(SinkhornParameters), 3};
 constexpr Shader balance_shuffle{"sinkhorn_shuffle", spirv::sinkhorn_shuffle, balance_bindings,
-                                 sizeof(SinkhornParameters), 2};
+                                 sizeof(SinkhornParameters), 3};
 constexpr Access stop_bindings[] = {Access::read, Access::read, Access::modify};
 constexpr Shader stop_shader{"sinkhorn_stop", spirv::sinkhorn_stop, stop_bindings, sizeof(SinkhornParameters),
                              1};
@@ -138,11 +139,11 @@ void Sinkhorn::by_tiles(std::size_t tiles, const Record& record) const {
 }
 
 void Sinkhorn::add_iteration(Schedule& schedule, std::uint32_t iteration) const {
-  const Pipeline& balance =
-      context_.pipeline(context_.capabilities().shuffle ? balance_shuffle : balance_basic,
-                        std::array{block, std::uint32_t{normals_}});
+  const Shader& shader = context_.capabilities().shuffle ? balance_shuffle : balance_basic;
   const Pipeline& stop = context_.pipeline(stop_shader, std::array{block});
   for (const std::size_t side : {0, 1}) {
+    const Pipeline& balance =
+        context_.pipeline(shader, std::array{block, std::uint32_t{normals_}, std::uint32_t{side == 0}});
     by_tiles(side == 0 ? source_tiles_ : reference_tiles_, [&](std::uint32_t first, std::uint32_t count) {
       schedule.dispatch(balance,
                         {on_device(points_), on_device(boxes_), on_device(tiles_[side]), on_device(plans_),

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <bitr/device.hpp>
 #include <bitr/io.hpp>
 #include <bitr/pose.hpp>
 
@@ -91,6 +92,28 @@ TEST(RefineCommand, TheOfficialProtocolIsTheDefault) {
     const bool after = refinement["kept"] == "after";
     EXPECT_EQ(after, refinement["score_after"] > refinement["score_before"]);
     EXPECT_EQ(read_json(json)["transform"], refinement[after ? "after" : "before"]);
+  }
+}
+
+TEST(RefineCommand, OnVulkanItIsTheCpus) {
+  const auto devices = enumerate_devices();
+  if (!devices || devices->empty()) GTEST_SKIP() << "no Vulkan device";
+  const Folder folder;
+  const Pair pair(folder);
+  for (const char* method : {"icp", "ot"}) {
+    const auto refined = [&](const std::string& backend) {
+      const std::string json = folder.path(backend + ".json");
+      const Finished finished =
+          run_command({"refine", pair.source, pair.reference, "--pose", pair.start, "--method", method,
+                       "--protocol", "default", "--backend", backend, "--json", json});
+      EXPECT_EQ(finished.status, 0) << finished.err;
+      const auto result = read_json(json);
+      EXPECT_EQ(result["backend"], backend);
+      return result["refinement"];
+    };
+    const auto vulkan = refined("vulkan"), cpu = refined("cpu");
+    EXPECT_LE(rotation_error_degrees(pose_in(vulkan["after"]), pose_in(cpu["after"])), 1e-3) << method;
+    EXPECT_EQ(vulkan["kept"], cpu["kept"]) << method;
   }
 }
 
