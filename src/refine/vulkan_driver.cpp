@@ -1,14 +1,10 @@
 #include "refine/vulkan_driver.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <map>
-#include <numeric>
 #include <optional>
 
-#include "core/halves.hpp"
 #include "refine/vulkan_plans.hpp"
-#include "vk/kernel.hpp"
 #include "vk/nearest.hpp"
 
 namespace bitr::refine {
@@ -77,11 +73,7 @@ class Searcher {
   static std::vector<std::uint32_t> order_of(const Search& search) {
     std::vector<Vec3d> points(search.count);
     for (std::size_t i = 0; i < points.size(); ++i) points[i] = search.point(i);
-    std::vector<std::uint32_t> order(points.size());
-    std::iota(order.begin(), order.end(), 0);
-    order_by_halves(points, order.data(), order.data() + order.size(), vk::tile_rows,
-                    [](std::size_t blocks) { return std::bit_ceil(blocks) / 2; });
-    return order;
+    return vk::Nearest::order_of(points);
   }
 
   static void tell(const Search& search, std::uint32_t i, const vk::Nearest::Cloud& cloud,

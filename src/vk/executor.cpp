@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/failure.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -14,10 +15,6 @@ using graph::Rows;
 using graph::TensorId;
 
 constexpr std::uint32_t guard_pattern = 0xa5a5a5a5;
-
-std::size_t aligned(std::size_t bytes, std::size_t alignment) {
-  return (bytes + alignment - 1) / alignment * alignment;
-}
 
 std::size_t row_bytes(const graph::TensorInfo& info) {
   const bool index = info.kind == graph::Kind::index;
@@ -325,7 +322,6 @@ void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout
 }
 
 void Executor::record_all() {
-  const DeviceFunctions& vk = context_->vk();
   submissions_.clear();
   const auto& works = schedule_.works();
   std::size_t begin = 0;
@@ -349,14 +345,7 @@ void Executor::record_all() {
     if (i == 0) timestamps_.reset(submission.commands);
     recorder_.record(submission.commands, schedule_, submission.begin, submission.end,
                      {options_.barriers, options_.shuffle ? VK_NULL_HANDLE : timestamps_.pool()});
-    if (i + 1 == submissions_.size()) {
-      const VkMemoryBarrier to_host{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
-                                    .pNext = nullptr,
-                                    .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
-                                    .dstAccessMask = VK_ACCESS_HOST_READ_BIT};
-      vk.CmdPipelineBarrier(submission.commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT,
-                            0, 1, &to_host, 0, nullptr, 0, nullptr);
-    }
+    if (i + 1 == submissions_.size()) recorder_.show_host(submission.commands);
     commands_.end(submission.commands);
   }
   counters_ = recorder_.counters();

@@ -12,6 +12,7 @@
 #include "nearest.spv.hpp"
 #include "nearest_shuffle.spv.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -25,16 +26,6 @@ constexpr Shader shuffle{"nearest_shuffle", spirv::nearest_shuffle, bindings, si
 constexpr double search_cost = 6000;
 // In radii of the cloud: from farther away single precision takes different points for equally near.
 constexpr double sight = 16;
-
-std::size_t aligned(std::size_t bytes, std::size_t alignment) {
-  return (bytes + alignment - 1) / alignment * alignment;
-}
-
-void grow(const Context& context, Buffer& buffer, std::size_t bytes, bool host_visible) {
-  if (bytes <= buffer.size()) return;
-  buffer = {};
-  buffer = Buffer(context, bytes + bytes / 2, host_visible);
-}
 
 }  // namespace
 
@@ -53,11 +44,7 @@ Nearest::Cloud::Cloud(const std::vector<Vec3d>& points) {
   // A power of two rounds nothing.
   if (std::isnormal(radius)) scale = std::ldexp(1, -std::ilogb(radius) - 1);
 
-  std::vector<std::uint32_t> order(points.size());
-  std::iota(order.begin(), order.end(), 0);
-  // Nodes of the tree are whole ranges.
-  order_by_halves(points, order.data(), order.data() + order.size(), tile_rows,
-                  [](std::size_t blocks) { return std::bit_ceil(blocks) / 2; });
+  const std::vector<std::uint32_t> order = order_of(points);
   for (std::size_t i = 0; i < order.size(); ++i) {
     float at[4];
     write(points[order[i]], at);
@@ -78,6 +65,15 @@ Nearest::Cloud::Cloud(const std::vector<Vec3d>& points) {
         boxes.back()[4 + a] = std::max(boxes.back()[4 + a], boxes[node][4 + a]);
       }
     }
+}
+
+std::vector<std::uint32_t> Nearest::order_of(const std::vector<Vec3d>& points) {
+  std::vector<std::uint32_t> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  // Nodes of the tree are whole ranges.
+  order_by_halves(points, order.data(), order.data() + order.size(), tile_rows,
+                  [](std::size_t blocks) { return std::bit_ceil(blocks) / 2; });
+  return order;
 }
 
 bool Nearest::Cloud::sees(const Vec3d& point) const {

@@ -27,10 +27,13 @@ class Nearest {
     void write(const Vec3d& point, float* query) const;
   };
 
+  /// Indices of points in the order in which they had best look: neighbours one after the other.
+  static std::vector<std::uint32_t> order_of(const std::vector<Vec3d>& points);
+
   struct Request {
     std::uint32_t cloud = 0;
     std::uint32_t wanted = 1;  ///< of the nearest, 1 or most_wanted
-    std::size_t count = 0;     ///< of the points that look; neighbours should follow one another
+    std::size_t count = 0;     ///< of the points that look
   };
 
   explicit Nearest(const Context& context);

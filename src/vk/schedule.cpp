@@ -161,6 +161,15 @@ void Recorder::barrier(VkCommandBuffer commands) {
   ++counters_.barriers;
 }
 
+void Recorder::show_host(VkCommandBuffer commands) const {
+  const VkMemoryBarrier memory{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                               .pNext = nullptr,
+                               .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                               .dstAccessMask = VK_ACCESS_HOST_READ_BIT};
+  context_.vk().CmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1,
+                                   &memory, 0, nullptr, 0, nullptr);
+}
+
 void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::size_t begin, std::size_t end,
                       const Options& options) {
   const DeviceFunctions& vk = context_.vk();

@@ -102,6 +102,8 @@ class Recorder {
               const Options& options);
   /// Everything recorded before it happens before everything after it.
   void barrier(VkCommandBuffer commands);
+  /// What copies wrote is then there for the host that waits.
+  void show_host(VkCommandBuffer commands) const;
   /// Forgets pending hazards: before the first range.
   void restart() { pending_.clear(), counters_ = {}; }
   const Counters& counters() const { return counters_; }

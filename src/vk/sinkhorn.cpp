@@ -12,6 +12,7 @@
 #include "transport_moments.spv.hpp"
 #include "transport_moments_shuffle.spv.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -35,10 +36,6 @@ constexpr Shader moments_shuffle{"transport_moments_shuffle", spirv::transport_m
 constexpr double term_cost = 30;
 // Iterations between two looks at which plans have stopped.
 constexpr std::uint32_t between_looks = 8;
-
-std::size_t aligned(std::size_t bytes, std::size_t alignment) {
-  return (bytes + alignment - 1) / alignment * alignment;
-}
 
 // Potentials and slacks in two parts (shaders/common/transport_plan.glsl).
 std::array<float, 2> parts_of(double value) {
@@ -97,14 +94,9 @@ void Sinkhorn::lay_out(std::span<const Problem> problems, bool normals) {
   all_potentials_ = part(2 * potentials_.bytes);
   moments_ = part(std::size_t{32} * rows_);
 
-  const auto grow = [&](Buffer& buffer, std::size_t bytes, bool host_visible) {
-    if (bytes <= buffer.size()) return;
-    buffer = {};
-    buffer = Buffer(context_, bytes, host_visible);
-  };
-  grow(staging_, uploaded_, true);
-  grow(arena_, at, false);
-  grow(readback_, potentials_.bytes + moments_.bytes + states_.bytes, true);
+  grow(context_, staging_, uploaded_, true);
+  grow(context_, arena_, at, false);
+  grow(context_, readback_, potentials_.bytes + moments_.bytes + states_.bytes, true);
   std::memset(staging_.data(), 0, uploaded_);
   for (std::size_t side = 0; side < 2; ++side)
     std::memcpy(staging_.data() + tiles_[side].begin, tiles[side].data(), tiles_[side].bytes);

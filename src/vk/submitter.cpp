@@ -22,15 +22,9 @@ void Submitter::run(const Schedule& schedule) {
   recorder_.restart();
   for (std::size_t i = 0; i + 1 < begins.size(); ++i) {
     commands_.begin(buffers[i], VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT);
+    if (i == 0) recorder_.barrier(buffers[i]);  // what earlier schedules left is there
     recorder_.record(buffers[i], schedule, begins[i], begins[i + 1], {});
-    if (begins[i + 1] == works.size()) {
-      const VkMemoryBarrier to_host{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
-                                    .pNext = nullptr,
-                                    .srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
-                                    .dstAccessMask = VK_ACCESS_HOST_READ_BIT};
-      context_.vk().CmdPipelineBarrier(buffers[i], VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT,
-                                       0, 1, &to_host, 0, nullptr, 0, nullptr);
-    }
+    if (begins[i + 1] == works.size()) recorder_.show_host(buffers[i]);
     commands_.end(buffers[i]);
     commands_.submit(buffers[i]);
   }
