@@ -32,6 +32,10 @@ constexpr Shader moments_basic{"transport_moments", spirv::transport_moments, mo
 constexpr Shader moments_shuffle{"transport_moments_shuffle", spirv::transport_moments_shuffle,
                                  moments_bindings, sizeof(SinkhornParameters), 2};
 
+// Of a work group, which takes a block.
+constexpr std::uint32_t lanes = 64;
+static_assert(lanes == Sinkhorn::block);
+
 // Of a term of a row.
 constexpr double term_cost = 30;
 // Iterations between two looks at which plans have stopped.
@@ -132,10 +136,10 @@ void Sinkhorn::by_tiles(std::size_t tiles, const Record& record) const {
 
 void Sinkhorn::add_iteration(Schedule& schedule, std::uint32_t iteration) const {
   const Shader& shader = context_.capabilities().shuffle ? balance_shuffle : balance_basic;
-  const Pipeline& stop = context_.pipeline(stop_shader, std::array{block});
+  const Pipeline& stop = context_.pipeline(stop_shader, std::array{lanes});
   for (const std::size_t side : {0, 1}) {
     const Pipeline& balance =
-        context_.pipeline(shader, std::array{block, std::uint32_t{normals_}, std::uint32_t{side == 0}});
+        context_.pipeline(shader, std::array{lanes, std::uint32_t{normals_}, std::uint32_t{side == 0}});
     by_tiles(side == 0 ? source_tiles_ : reference_tiles_, [&](std::uint32_t first, std::uint32_t count) {
       schedule.dispatch(balance,
                         {on_device(points_), on_device(boxes_), on_device(tiles_[side]), on_device(plans_),
@@ -174,7 +178,7 @@ void Sinkhorn::run(int most_iterations) {
   }
   const Pipeline& moments =
       context_.pipeline(context_.capabilities().shuffle ? moments_shuffle : moments_basic,
-                        std::array{block, std::uint32_t{normals_}});
+                        std::array{lanes, std::uint32_t{normals_}});
   by_tiles(source_tiles_, [&](std::uint32_t first, std::uint32_t count) {
     schedule.dispatch(
         moments,
