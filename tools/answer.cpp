@@ -99,13 +99,6 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
       ->capture_default_str();
 }
 
-Result<void> check_answer_options(const AnswerChoice& choice) {
-  if (!(choice.least_confidence >= 0 && choice.least_confidence <= 1))
-    return fail(ErrorCode::invalid_argument,
-                "--least-confidence " + Json(choice.least_confidence).dump() + ": is not in 0 … 1");
-  return {};
-}
-
 Json to_json(const AnswerChoice& choice) {
   Json json = {{"confidence", choice.confidence || choice.strict},
                {"least_confidence", choice.strict ? Json(choice.least_confidence) : Json(nullptr)},
@@ -120,13 +113,13 @@ Json to_json(const AnswerChoice& choice) {
   return json;
 }
 
-Result<AnswerOptions> answer_options(const AnswerChoice& choice, bool complete_match) {
-  if (auto checked = check_answer_options(choice); !checked) return tl::unexpected(checked.error());
+Result<AnswerOptions> answer_options(const AnswerChoice& choice) {
+  if (!(choice.least_confidence >= 0 && choice.least_confidence <= 1))
+    return fail(ErrorCode::invalid_argument,
+                "--least-confidence " + Json(choice.least_confidence).dump() + ": is not in 0 … 1");
   auto refine = refine_options(choice.refine, RefineProtocol::adaptive);
   if (!refine) return tl::unexpected(refine.error());
-  AnswerOptions options{.complete_match = complete_match,
-                        .restriction = choice.restriction,
-                        .confidence = choice.confidence || choice.strict};
+  AnswerOptions options{.restriction = choice.restriction, .confidence = choice.confidence || choice.strict};
   if (choice.refine.method) options.refine = std::move(*refine);
   return options;
 }

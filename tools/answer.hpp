@@ -27,8 +27,6 @@ struct AnswerChoice {
 /// --refine and its options, --translation-only, --yaw-only, --strict, --least-confidence, and the flag that
 /// turns judging on where it is off, or off where it is on.
 void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_told);
-/// `invalid_argument` names the option.
-Result<void> check_answer_options(const AnswerChoice& choice);
 /// What answers depend on beside the network, for settings.
 Json to_json(const AnswerChoice& choice);
 
@@ -40,7 +38,8 @@ struct AnswerOptions {
   std::optional<RefineOptions> refine = {};
   bool confidence = false;
 };
-Result<AnswerOptions> answer_options(const AnswerChoice& choice, bool complete_match);
+/// Without complete matching, whatever the model. `invalid_argument` names the option.
+Result<AnswerOptions> answer_options(const AnswerChoice& choice);
 
 struct Answer {
   Assembly assembly;  ///< its pose is the last one

@@ -115,7 +115,7 @@ int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
-  auto how = answer_options(options.answer, options.model.complete_match);
+  auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
   how->swap_residual = true;
   const auto truth = read_optional_pose(options.truth);
@@ -129,6 +129,7 @@ int run(Options& options) {
   if (!reference) return complain(reference.error());
   const auto model = choose_model(options, *source, *reference);
   if (!model) return complain(model.error());
+  how->complete_match = options.model.complete_match;
   for (CloudInput* input : {&*source, &*reference}) {
     choose_points(*input, options.clouds, *model);
     warn_of_few_points(*input, *model);

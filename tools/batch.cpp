@@ -235,18 +235,19 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, const A
 Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
   char hash[17];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(manifest.fingerprint));
-  return {{"manifest", options.manifest},
-          {"manifest_fingerprint", hash},
-          {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
-          {"model", model.name()},
-          {"complete_match", options.model.complete_match},
-          {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
-          {"precision", precision_name(options.run.plan.precision)},
-          {"as_defined", options.run.plan.as_defined},
-          {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
-          {"seed", options.clouds.seed},
-          {"assembled", options.assembled},
-          {"answer", to_json(options.answer)}};
+  Json settings = {{"manifest", options.manifest},
+                   {"manifest_fingerprint", hash},
+                   {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
+                   {"model", model.name()},
+                   {"complete_match", options.model.complete_match},
+                   {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
+                   {"precision", precision_name(options.run.plan.precision)},
+                   {"as_defined", options.run.plan.as_defined},
+                   {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
+                   {"seed", options.clouds.seed},
+                   {"assembled", options.assembled}};
+  settings.update(to_json(options.answer));
+  return settings;
 }
 
 class Progress {
@@ -306,8 +307,9 @@ Result<std::string> results_file(const Options& options) {
 }
 
 int run_checked(Options& options) {
-  const auto how = answer_options(options.answer, options.model.complete_match);
+  auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
+  how->complete_match = options.model.complete_match;
   const auto model = choose_model(options.model);
   if (!model) return complain(model.error());
   const auto summary = summarise_manifest(options.manifest);

@@ -24,10 +24,10 @@ void add_judgements(const EvalMethod& method, std::optional<int> bin, std::vecto
       judgements.push_back({pair.confidence->value, near_truth(pair.errors)});
 }
 
-ConfidenceSummary summarise_confidence(const EvalMethod& method, std::optional<int> bin) {
+ConfidenceSummary confidence_of(const EvalMethod& method, std::optional<int> bin) {
   std::vector<Judgement> judgements;
   add_judgements(method, bin, judgements);
-  return summarise(judgements);
+  return summarise_confidence(judgements);
 }
 
 /// The shortest text that reads back as the same number.
@@ -103,7 +103,7 @@ std::vector<std::pair<std::string, ConfidenceSummary>> pooled_confidence(const E
     }
   std::vector<std::pair<std::string, ConfidenceSummary>> summaries;
   for (const auto& [name, judgements] : pooled)
-    if (!judgements.empty()) summaries.emplace_back(name, summarise(judgements));
+    if (!judgements.empty()) summaries.emplace_back(name, summarise_confidence(judgements));
   return summaries;
 }
 
@@ -158,8 +158,7 @@ std::vector<EvalRow> rows_of(const EvalReport& report) {
     for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
       for (const EvalMethod& method : setting.methods) {
         const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
-        EvalRow row{setting, which, method.name, summarise_bin(method, which),
-                    summarise_confidence(method, which)};
+        EvalRow row{setting, which, method.name, summarise_bin(method, which), confidence_of(method, which)};
         if (row.summary.pairs > 0) rows.push_back(std::move(row));
       }
   return rows;
@@ -212,9 +211,10 @@ Json to_json(const EvalReport& report) {
 }
 
 std::string to_csv(const EvalReport& report) {
-  std::string csv =
-      "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed,confidence,score,"
-      "fit_overlap,rims,interpenetration,rotation_gap,spread,refined_by\n";
+  const bool judged = !pooled_confidence(report).empty();
+  std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed";
+  if (judged) csv += ",confidence,score,fit_overlap,rims,interpenetration,rotation_gap,spread,refined_by";
+  csv += '\n';
   const auto optional = [](const std::optional<double>& value) { return value ? text_of(*value) : ""; };
   for (const EvalSetting& setting : report.settings)
     for (const EvalMethod& method : setting.methods)
@@ -232,8 +232,6 @@ std::string to_csv(const EvalReport& report) {
             csv += ',' + text_of(value);
           for (const auto& value : {why.rotation_gap, why.spread, why.refined_by})
             csv += ',' + optional(value);
-        } else {
-          csv += ",,,,,,,,";
         }
         csv += '\n';
       }

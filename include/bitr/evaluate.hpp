@@ -70,6 +70,6 @@ struct ConfidenceSummary {
                                ///< a wrong one, ties half; empty when all are right or all wrong
   std::vector<ConfidenceBin> bins;  ///< tenths that have poses
 };
-ConfidenceSummary summarise(std::span<const Judgement> judgements);
+ConfidenceSummary summarise_confidence(std::span<const Judgement> judgements);
 
 }  // namespace bitr

@@ -29,7 +29,7 @@ bool near_truth(const PoseErrors& errors) {
   return errors.rotation <= 20 && errors.translation_fraction <= 0.1;
 }
 
-ConfidenceSummary summarise(std::span<const Judgement> judgements) {
+ConfidenceSummary summarise_confidence(std::span<const Judgement> judgements) {
   ConfidenceSummary summary;
   std::vector<ConfidenceBin> bins(most_bins);
   for (const Judgement& judgement : judgements) {

@@ -29,7 +29,7 @@ Search Measurement::look(const Surface& from, const Surface& to, const Pose& T,
     const Vec3d n = T.rotate(from.normals[from.some[i]]);
     const Vec3d& other = to.normals[*nearest];
     const double cosine = n[0] * other[0] + n[1] * other[1] + n[2] * other[2];
-    residuals[i].turned = 2 * (1 - (oriented ? cosine : std::abs(cosine)));
+    residuals[i].turned = std::max(0.0, 2 * (1 - (oriented ? cosine : std::abs(cosine))));
   };
   return {.in = to.points,
           .tree = to.tree,

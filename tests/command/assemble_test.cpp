@@ -254,5 +254,42 @@ TEST_F(Assemble, StrictRefusesAPoseThatIsNotDetermined) {
   EXPECT_FALSE(std::filesystem::exists(json));
 }
 
+TEST_F(Assemble, SaysHowFarThePoseCanBeTrusted) {
+  const PairFiles pair = generate_files(folder, "aircraft", "600", "4");
+  const std::string first = folder.path("first.json"), again = folder.path("again.json");
+  const Finished finished = run(pair, {"--backend", "cpu", "--json", first});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  EXPECT_THAT(finished.out, HasSubstr("confidence  "));
+  const auto confidence = read_json(first)["confidence"];
+  EXPECT_GT(confidence["value"], 0.5);
+  EXPECT_LE(confidence["value"], 1);
+  EXPECT_GT(confidence["evidence"]["spread"], 0);
+  EXPECT_TRUE(confidence["evidence"]["refined_by"].is_null());
+  ASSERT_EQ(run(pair, {"--backend", "cpu", "--threads", "1", "--refine", "--json", again}).status, 0);
+  const auto refined = read_json(again);
+  EXPECT_EQ(refined["confidence"]["evidence"]["spread"], confidence["evidence"]["spread"]);
+  EXPECT_NEAR(refined["confidence"]["evidence"]["score"], refined["refinement"]["score_after"], 1e-9);
+  ASSERT_EQ(run(pair, {"--backend", "cpu", "--no-confidence", "--json", again}).status, 0);
+  EXPECT_TRUE(read_json(again)["confidence"].is_null());
+  EXPECT_EQ(read_json(again)["transform"], read_json(first)["transform"]);
+}
+
+TEST_F(Assemble, StrictRefusesLittleConfidence) {
+  // A nose and somebody else's tail have nothing to do with each other.
+  const PairFiles one = generate_files(folder, "copy", "400", "4"),
+                  other = generate_files(folder, "aircraft", "400", "9");
+  const PairFiles pair = {one.source, other.reference, {}};
+  const std::string output = folder.path("together.ply");
+  const Finished refused = run(pair, {"--strict", "--least-confidence", "0.99", "-o", output});
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.err, HasSubstr("is below 0.99"));
+  EXPECT_FALSE(std::filesystem::exists(output));
+  const Finished lenient = run(pair, {"--strict", "--least-confidence", "0", "-o", output});
+  EXPECT_EQ(lenient.status, 0) << lenient.err;
+  const Finished wrong = run(pair, {"--least-confidence", "1.5"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("--least-confidence 1.5: is not in 0 … 1"));
+}
+
 }  // namespace
 }  // namespace bitr::test

@@ -229,5 +229,32 @@ TEST_F(Batch, RefusesWithoutWriting) {
   }
 }
 
+TEST(BatchOfAircraft, RefinesAndJudgesAsAssembleDoes) {
+  const Folder clouds, out;
+  ASSERT_EQ(
+      run_command({"generate", "aircraft", "--out", clouds.path(), "--count", "3", "--points", "400"}).status,
+      0);
+  const Finished done =
+      run_command({"batch", clouds.path("aircraft.jsonl"), "--out", out.path(), "--backend", "cpu", "--pairs",
+                   "2", "--refine", "icp", "--strict", "--least-confidence", "0.999999"});
+  // No pose is that sure.
+  EXPECT_EQ(done.status, 1);
+  EXPECT_THAT(done.out, AllOf(HasSubstr("refused     3"), HasSubstr("confidence  median")));
+  const auto found = lines(out.path("results.jsonl"));
+  ASSERT_EQ(found.size(), 3);
+  for (int i = 0; i < 3; ++i) {
+    const std::string name = clouds.path("aircraft_00" + std::to_string(i)), one = out.path("one.json");
+    ASSERT_EQ(run_command({"assemble", name + "_source.ply", name + "_reference.ply", "--backend", "cpu",
+                           "--refine", "--json", one})
+                  .status,
+              0);
+    const json alone = read_json(one);
+    EXPECT_EQ(found[i]["transform"], alone["transform"]);
+    EXPECT_EQ(found[i]["confidence"], alone["confidence"]);
+    EXPECT_EQ(found[i]["refinement"], alone["refinement"]);
+    EXPECT_THAT(found[i]["refused"].get<std::string>(), HasSubstr("is below"));
+  }
+}
+
 }  // namespace
 }  // namespace bitr::test

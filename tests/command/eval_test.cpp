@@ -25,6 +25,7 @@ std::vector<std::string> split(const std::string& text, char at) {
   std::vector<std::string> fields;
   std::istringstream stream(text);
   for (std::string field; std::getline(stream, field, at);) fields.push_back(field);
+  if (at == ',' && text.ends_with(at)) fields.emplace_back();
   return fields;
 }
 
@@ -249,6 +250,49 @@ TEST(Eval, WhatIsWrongIsStatusTwoAndOneLine) {
     EXPECT_EQ(finished.out, "") << name;
   }
   EXPECT_EQ(folder.names(), Words{"garbage.safetensors"});
+}
+
+TEST(Eval, TakesPairsOfAManifestAndMovesThem) {
+  const Folder folder;
+  ASSERT_EQ(
+      run_command({"generate", "copy", "--out", folder.path(), "--count", "2", "--points", "300"}).status, 0);
+  const std::string json = folder.path("errors.json"), csv = folder.path("errors.csv");
+  const Finished finished =
+      run_command({"eval", "--pairs", folder.path("copy.jsonl"), "--methods", "identity,complete-match",
+                   "--points", "300", "--samples", "6", "--json", json, "--csv", csv, "--confidence"});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const auto lines = read_csv(csv);
+  ASSERT_EQ(lines.size(), 12);
+  std::set<std::string> turns;
+  for (const Line& line : lines) {
+    EXPECT_EQ(line.at("protocol"), "pairs");
+    if (line.at("method") == "identity") {
+      turns.insert(line.at("dr"));
+    } else {
+      EXPECT_LT(std::stod(line.at("dr")), 0.1);
+      EXPECT_NEAR(std::stod(line.at("overlap")), 1, 1e-9);
+      EXPECT_GT(std::stod(line.at("confidence")), 0.5);
+    }
+  }
+  EXPECT_EQ(turns.size(), 6) << "each sample is moved anew";
+  const auto report = read_json(json);
+  expect_agreement(report, lines);
+  EXPECT_EQ(report["confidence"]["identity"]["was"], 0);
+  EXPECT_EQ(report["confidence"]["complete-match"]["was"], 1);
+
+  const auto fails = [&](const Words& more, const std::string& why) {
+    Words words = {"eval", "--pairs"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Finished failed = run_command(words);
+    EXPECT_EQ(failed.status, 2);
+    EXPECT_THAT(failed.err, HasSubstr(why));
+  };
+  const std::string bare =
+      folder.write("bare.csv", "source,reference\ncopy_000_source.ply,copy_000_reference.ply\n");
+  fails({bare}, "pair 0 has no truth to be compared with");
+  fails({folder.write("none.jsonl", "")}, "none.jsonl: holds no pairs");
+  fails({folder.path("copy.jsonl"), "--share", "0.5"}, "--pairs: takes no --protocol, --share or --split");
+  fails({folder.path("copy.jsonl"), "--kind", "copy"}, "give one of them");
 }
 
 }  // namespace

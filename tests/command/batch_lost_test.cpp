@@ -1,0 +1,140 @@
+// bitr batch on a Vulkan device that is lost: lose_device/ is put between the command and the driver.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <sstream>
+
+#include "run_command.hpp"
+
+namespace bitr::test {
+namespace {
+
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using Words = std::vector<std::string>;
+
+constexpr int count = 7;
+
+struct Results {
+  Finished finished;
+  std::vector<json> lines;  ///< without the first, which holds the settings
+  int submissions = 0;      ///< 0: the layer was not there
+
+  json outcomes(const char* key) const {
+    json all = json::array();
+    for (const json& line : lines) all.push_back(line.value(key, json()));
+    return all;
+  }
+};
+
+class BatchLost : public testing::Test {
+ protected:
+  void SetUp() override {
+    const Finished listed = run_command({"devices", "--json"});
+    ASSERT_EQ(listed.status, 0) << listed.err;
+    const json found = json::parse(listed.out);
+    bool usable = false;
+    for (const json& device : found["devices"]) usable = usable || device["usable"];
+    if (!usable) GTEST_SKIP() << "no Vulkan device";
+    const Finished made = run_command(
+        {"generate", "copy", "--out", clouds_.path(), "--count", std::to_string(count), "--points", "60"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    whole_ = run({});
+    ASSERT_EQ(whole_.finished.status, 0) << whole_.finished.err;
+    ASSERT_EQ(whole_.lines.size(), count);
+    if (whole_.submissions == 0) GTEST_SKIP() << "the Vulkan loader takes no layers";
+    // A plan's own, and one for each of the four times that pairs go to the device.
+    ASSERT_GE(whole_.submissions, 5);
+  }
+
+  Results run(Words environment) const {
+    const Folder out;
+    const std::string counted = out.path("submissions");
+    environment.insert(environment.end(),
+                       {"VK_LAYER_PATH=" BITR_LAYERS, "VK_INSTANCE_LAYERS=VK_LAYER_BITR_lose_device",
+                        "LOSE_DEVICE_COUNT=" + counted});
+    Results found;
+    found.finished = run_command({"batch", clouds_.path("copy.jsonl"), "--out", out.path(),
+                                  "--complete-match", "--backend", "vulkan", "--pairs", "2"},
+                                 environment);
+    std::istringstream text(read_text(out.path("results.jsonl")));
+    for (std::string line; std::getline(text, line);) found.lines.push_back(json::parse(line));
+    if (!found.lines.empty()) found.lines.erase(found.lines.begin());
+    if (std::filesystem::exists(counted)) found.submissions = std::stoi(read_text(counted));
+    return found;
+  }
+
+  // Every pair has its line, in order, and every line its pose.
+  void expect_whole(const Results& found) const {
+    EXPECT_EQ(found.finished.status, 0);
+    EXPECT_THAT(found.finished.err, AllOf(HasSubstr("lost"), HasSubstr("going on with a new device")));
+    EXPECT_EQ(found.finished.err.find("warning"), found.finished.err.rfind("warning")) << found.finished.err;
+    for (const char* key : {"pair", "name", "status", "transform"})
+      EXPECT_EQ(found.outcomes(key), whole_.outcomes(key)) << key;
+    EXPECT_GT(found.submissions, whole_.submissions);
+  }
+  // First the plan's, then the pairs'.
+  std::vector<int> chosen() const {
+    return {1, 2, whole_.submissions / 2, whole_.submissions - 1, whole_.submissions};
+  }
+
+  const Folder clouds_;
+  Results whole_;
+};
+
+TEST_F(BatchLost, NothingIsSaidWhereNothingIsLost) {
+  EXPECT_THAT(whole_.finished.err, Not(HasSubstr("lost")));
+}
+
+TEST_F(BatchLost, GoesOnAfterALossAtSubmission) {
+  for (const int at : chosen()) {
+    SCOPED_TRACE(at);
+    expect_whole(run({"LOSE_DEVICE_AT=" + std::to_string(at)}));
+  }
+}
+
+TEST_F(BatchLost, GoesOnAfterALossWhileWaiting) {
+  for (const int at : chosen()) {
+    SCOPED_TRACE(at);
+    expect_whole(run({"LOSE_DEVICE_AT=" + std::to_string(at), "LOSE_DEVICE_WHILE_WAITING=1"}));
+  }
+}
+
+TEST_F(BatchLost, LostForGoodLeavesALineThatSaysSo) {
+  for (const bool waiting : {false, true})
+    for (const int at : chosen()) {
+      SCOPED_TRACE(std::to_string(at) + (waiting ? ", waiting" : ", submitting"));
+      Words environment = {"LOSE_DEVICE_AT=" + std::to_string(at), "LOSE_DEVICE_AGAIN=1"};
+      if (waiting) environment.push_back("LOSE_DEVICE_WHILE_WAITING=1");
+      const Results lost = run(environment);
+      EXPECT_EQ(lost.finished.status, 1);
+      EXPECT_THAT(lost.finished.err, HasSubstr("going on with a new device"));
+      EXPECT_EQ(lost.outcomes("pair"), whole_.outcomes("pair"));
+      EXPECT_EQ(lost.outcomes("name"), whole_.outcomes("name"));
+      int problems = 0;
+      for (int i = 0; i < static_cast<int>(lost.lines.size()); ++i) {
+        const json& line = lost.lines[i];
+        if (!line.contains("problem")) {
+          // Done before the loss: from the first submission on, nothing comes after it.
+          EXPECT_EQ(problems, 0);
+          EXPECT_EQ(line, whole_.lines.at(i));
+          continue;
+        }
+        ++problems;
+        EXPECT_EQ(line["status"], "unreadable");
+        EXPECT_THAT(line["problem"].get<std::string>(), HasSubstr("lost"));
+        EXPECT_FALSE(line.contains("transform"));
+      }
+      EXPECT_GT(problems, 0);
+      if (at == 1) {
+        EXPECT_EQ(problems, count);
+      }
+      EXPECT_THAT(lost.finished.err, HasSubstr(std::to_string(problems) + " of 7 pairs have no usable pose"));
+    }
+}
+
+}  // namespace
+}  // namespace bitr::test
