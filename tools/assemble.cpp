@@ -3,7 +3,6 @@
 #include <bitr/io.hpp>
 #include <bitr/picture.hpp>
 #include <bitr/view.hpp>
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -16,6 +15,7 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
+#include "stopwatch.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -27,16 +27,6 @@ struct Options {
   CloudOptions clouds;
   AnswerChoice answer;
   RunOptions run;
-};
-
-class Stopwatch {
- public:
-  double milliseconds() const {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 // The default model cannot read clouds without normals.

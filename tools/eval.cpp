@@ -18,6 +18,7 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pair_list.hpp"
+#include "stopwatch.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -246,18 +247,24 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
       return fail(error.code, name + ", samples from " + std::to_string(first) + " on: " + error.message);
     };
     for (Method& method : methods) {
+      const Stopwatch estimating;
       const auto found = estimate(method, *batch, how);
+      const double estimated = estimating.milliseconds() - (found ? found->judging_milliseconds : 0);
       if (!found) return failed(found.error(), method.name);
-      const auto add = [&](const std::vector<Pose>& poses) {
+      const auto add = [&](const std::vector<Pose>& poses, double milliseconds) {
+        result.methods[row].milliseconds += milliseconds;
         return record(result.methods[row++], *batch, poses, found->evidence, first, how);
       };
       if (method.plain)
-        if (const auto added = add(found->poses); !added) return failed(added.error(), method.name);
+        if (const auto added = add(found->poses, estimated); !added)
+          return failed(added.error(), method.name);
       for (const Follow follow : method.refined) {
         const std::string& name = result.methods[row].name;
+        const Stopwatch refining;
         const auto better = refined(found->poses, follow, *batch, how);
+        const double milliseconds = estimated + refining.milliseconds();
         if (!better) return failed(better.error(), name);
-        if (const auto added = add(*better); !added) return failed(added.error(), name);
+        if (const auto added = add(*better, milliseconds); !added) return failed(added.error(), name);
       }
     }
     show_progress(setting.protocol + (setting.share ? ", s = " + Json(*setting.share).dump() : "") + ", " +

@@ -9,6 +9,7 @@
 #include "options.hpp"
 #include "refine/icp.hpp"
 #include "refine/principal_axes.hpp"
+#include "stopwatch.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -84,9 +85,11 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
   Estimate estimate;
   for (const Assembly& assembly : *assemblies) estimate.poses.push_back(assembly.T_reference_source);
   if (how.confidence && !method.file.empty()) {
+    const Stopwatch judging;
     auto evidence = resample(*method.plan, pairs, *assemblies);
     if (!evidence) return tl::unexpected(evidence.error());
     estimate.evidence = std::move(*evidence);
+    estimate.judging_milliseconds = judging.milliseconds();
   }
   return estimate;
 }

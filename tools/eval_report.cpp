@@ -43,12 +43,15 @@ std::string padded(const std::string& text, std::size_t width) {
   return text + std::string(width > length ? width - length : 0, ' ');
 }
 
-void print(const ErrorSummary& s, std::FILE* out) {
+void print(const EvalRow& row, std::FILE* out) {
+  const ErrorSummary& s = row.summary;
   const Distribution &r = s.rotation, &t = s.translation, &f = s.translation_fraction;
-  std::fprintf(out,
-               "%7.2f ±%5.2f %7.2f %7.2f |%7.4f %7.4f %7.4f %7.4f | %5.1f %5.1f | %5.1f %5.1f %5.1f | %5.1f",
-               r.median, r.median_error, r.mean, r.std, t.median, t.mean, t.std, f.median, 100 * s.success_5,
-               100 * s.success_15, 100 * s.recall_5, 100 * s.recall_10, 100 * s.recall_20, 100 * s.flips);
+  std::fprintf(
+      out,
+      "%7.2f ±%5.2f %7.2f %7.2f |%7.4f %7.4f %7.4f %7.4f | %5.1f %5.1f | %5.1f %5.1f %5.1f | %5.1f | %7.1f",
+      r.median, r.median_error, r.mean, r.std, t.median, t.mean, t.std, f.median, 100 * s.success_5,
+      100 * s.success_15, 100 * s.recall_5, 100 * s.recall_10, 100 * s.recall_20, 100 * s.flips,
+      row.milliseconds);
   if (s.failed > 0) std::fprintf(out, "  %zu failed", s.failed);
   std::fputc('\n', out);
 }
@@ -87,6 +90,7 @@ Json to_json(const EvalRow& row) {
   json["success"] = {{"5deg_0.1", s.success_5}, {"15deg_0.3", s.success_15}};
   json["recall"] = {{"5deg", s.recall_5}, {"10deg", s.recall_10}, {"20deg", s.recall_20}};
   json["flips"] = s.flips;
+  json["timing_ms"] = {{"pair", row.milliseconds}};
   if (row.confidence.poses > 0) json["confidence"] = to_json(row.confidence);
   return json;
 }
@@ -158,7 +162,12 @@ std::vector<EvalRow> rows_of(const EvalReport& report) {
     for (int bin = -1; bin < (setting.by_overlap ? bins : 0); ++bin)
       for (const EvalMethod& method : setting.methods) {
         const std::optional<int> which = bin < 0 ? std::nullopt : std::optional(bin);
-        EvalRow row{setting, which, method.name, summarise_bin(method, which), confidence_of(method, which)};
+        EvalRow row{setting,
+                    which,
+                    method.name,
+                    summarise_bin(method, which),
+                    confidence_of(method, which),
+                    method.milliseconds / static_cast<double>(std::max<std::size_t>(1, method.pairs.size()))};
         if (row.summary.pairs > 0) rows.push_back(std::move(row));
       }
   return rows;
@@ -183,9 +192,9 @@ void print(const EvalReport& report, std::FILE* out) {
   std::fprintf(out, "%s\n\n", report.data.c_str());
   std::fprintf(out,
                "%s      Δr in degrees            |     Δt in model units,  /diag. | success, %%  |  Δr up "
-               "to, %%      |     %%\n"
+               "to, %%      |     %% | ms\n"
                "%s  median           mean     std | median    mean     std  median | 5,.1  15,.3 |    5°   "
-               "10°   20° | flips\n",
+               "10°   20° | flips | a pair\n",
                padded("", width + 2).c_str(), padded("method", width + 2).c_str());
   std::string last;
   for (const EvalRow& row : rows) {
@@ -194,7 +203,7 @@ void print(const EvalReport& report, std::FILE* out) {
       last = now;
     }
     std::fprintf(out, "  %s", padded(row.method, width).c_str());
-    print(row.summary, out);
+    print(row, out);
   }
   print_confidence(report, rows, width, out);
 }

@@ -25,6 +25,7 @@ struct EvalPair {
 struct EvalMethod {
   std::string name;
   std::vector<EvalPair> pairs;
+  double milliseconds = 0;  ///< that their poses took together, without what was asked about them
 };
 
 /// One setting: the same pairs under every method.
@@ -51,6 +52,7 @@ struct EvalRow {
   std::string method;
   ErrorSummary summary;
   ConfidenceSummary confidence;  ///< no poses where none was judged
+  double milliseconds = 0;       ///< a pair, of all the method's
 };
 
 /// Setting by setting: its methods, then bin by bin where there are pairs.

@@ -1,7 +1,6 @@
 // bitr refine: from a pose that is about right to one that fits.
 #include <bitr/io.hpp>
 #include <bitr/refine.hpp>
-#include <chrono>
 #include <memory>
 
 #include "cloud_input.hpp"
@@ -13,6 +12,7 @@
 #include "pose_file.hpp"
 #include "refinement.hpp"
 #include "restriction.hpp"
+#include "stopwatch.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -87,7 +87,7 @@ int run(const Options& options) {
   if (!truth) return complain(truth.error());
 
   show_progress("reading");
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch total;
   const auto source = read(options.source, options.clouds);
   if (!source) return complain(source.error());
   const auto reference = read(options.reference, options.clouds);
@@ -110,7 +110,7 @@ int run(const Options& options) {
     return complain(refined.error(), "source " + options.source + ", reference " + options.reference + ": ");
   device->save_cache();
   const Refinement& result = refined->front();
-  const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
+  const double milliseconds = total.milliseconds();
   clear_progress();
 
   std::optional<Restricted> end;
@@ -120,7 +120,7 @@ int run(const Options& options) {
     return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));
   };
   const auto json = [&](const std::string& path) {
-    return write_json(path, result_json(options, result, *how, pair, **device, end, *truth, elapsed.count()));
+    return write_json(path, result_json(options, result, *how, pair, **device, end, *truth, milliseconds));
   };
   const auto applied = [&](const std::string& path) {
     return io::move_cloud_file(options.source, path, result.T_reference_source);

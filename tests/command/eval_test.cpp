@@ -213,7 +213,7 @@ TEST(Eval, WhatIsWrongIsStatusTwoAndOneLine) {
     const char* says;
   };
   const std::vector<Case> cases = {
-      {{}, "--kind or --data"},
+      {{}, "--kind, --data or --pairs"},
       {{"--kind", "aircraft", "--data", "."}, "give one of them"},
       {{"--kind", "tables"}, "tables"},
       {{"--data", folder.path("absent")}, "absent"},
