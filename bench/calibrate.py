@@ -71,7 +71,7 @@ def main():
     rows = []
     for name in sys.argv[2:]:
         with open(name, newline="") as file:
-            rows += [row for row in csv.DictReader(file) if row["confidence"] and row["score"]]
+            rows += [row for row in csv.DictReader(file) if row["failed"] == "0" and row["rims"]]
     for kind in ("network", "refined", "fit"):
         some = [row for row in rows if kind_of(row) == kind]
         if not some:

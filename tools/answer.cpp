@@ -47,9 +47,7 @@ Result<void> refine(const Device& device, std::span<const InputPair> pairs, cons
     RefineOptions how = *options.refine;
     how.within = [&](const Pose& pose) { return restricted(options.restriction, pose, centroid).pose; };
     if (const auto refined = refine_some({i}, how); !refined) return refined;
-    Restricted& last = *answers[i].restricted;
-    last.pose = answers[i].assembly.T_reference_source;
-    last.turn_degrees = restricted(options.restriction, last.pose, centroid).turn_degrees;
+    follow(answers[i].assembly.T_reference_source, centroid, *answers[i].restricted);
   }
   return {};
 }
@@ -62,7 +60,8 @@ Result<void> judge(const Device& device, std::span<const InputPair> pairs,
   if (!judged) return tl::unexpected(judged.error());
   for (std::size_t i = 0; i < answers.size(); ++i) {
     Confidence& confidence = (*judged)[i];
-    if (answers[i].assembly.status == Status::degenerate) {
+    // Of complete matching and of a restriction: a network's own is found out by its evidence.
+    if (answers[i].assembly.status == Status::degenerate && confidence.value > 0) {
       confidence.value = 0;
       confidence.reasons.insert(confidence.reasons.begin(), answers[i].assembly.diagnostics.reason);
     }
@@ -92,9 +91,12 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
       [&choice, judge_unless_told] { choice.confidence = !judge_unless_told; },
       judge_unless_told ? "Do not estimate how far the pose can be trusted, which takes eight more passes"
                         : "Estimate how far each pose can be trusted, which takes eight more passes");
-  app.add_flag("--strict", choice.strict,
-               "Refuse a pose that is not determined, or has less confidence than --least-confidence");
+  auto* strict = app.add_flag("--strict", choice.strict,
+                              "Refuse a pose that is not determined, or has less confidence than "
+                              "--least-confidence");
+  if (judge_unless_told) strict->excludes("--no-confidence");
   app.add_option("--least-confidence", choice.least_confidence, "What --strict asks for, 0 … 1")
+      ->needs(strict)
       ->type_name("P")
       ->capture_default_str();
 }
@@ -184,7 +186,7 @@ Json to_json(const Confidence& confidence) {
           {"evidence",
            {{"score", e.score},
             {"overlap", e.overlap},
-            {"rims", e.rims},
+            {"rims", optional_json(e.rims)},
             {"interpenetration", e.interpenetration},
             {"rotation_gap", optional_json(e.rotation_gap)},
             {"spread", optional_json(e.spread)},

@@ -135,7 +135,6 @@ class Assembler {
     }
     submit(some);
   }
-  const Device& device() const { return *device_; }
   void save_cache() const { device_.save_cache(); }
 
  private:
@@ -219,6 +218,7 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, const A
   std::vector<Json> lines;
   for (const Outcome& outcome : outcomes) {
     lines.push_back(line_of(outcome, options.answer, how));
+    if (lines.back().contains("refused")) continue;
     if (!options.assembled || !outcome.answer || outcome.answer->assembly.status == Status::failed) continue;
     char name[64];
     std::snprintf(name, sizeof name, "pair_%06llu.ply",
@@ -243,7 +243,7 @@ Json settings_of(const Options& options, const Model& model, const ManifestSumma
                    {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
                    {"precision", precision_name(options.run.plan.precision)},
                    {"as_defined", options.run.plan.as_defined},
-                   {"points", options.clouds.points ? Json(*options.clouds.points) : Json(nullptr)},
+                   {"points", optional_json(options.clouds.points)},
                    {"seed", options.clouds.seed},
                    {"assembled", options.assembled}};
   settings.update(to_json(options.answer));
@@ -351,7 +351,8 @@ int run_checked(Options& options) {
   return unusable == 0
              ? done
              : complain(run_failed, std::to_string(unusable) + " of " + std::to_string(found.pairs) +
-                                        " pairs have no usable pose; see \"status\" in " + *file);
+                                        " pairs have no usable pose; see \"status\" and \"refused\" in " +
+                                        *file);
 }
 
 int run(Options& options) {

@@ -79,8 +79,6 @@ Result<generate::Way> way_of(const Options& options) {
 
 /// Pairs are as they are: only how many of their points are used may vary.
 Result<std::vector<Setting>> settings_of_pairs(Options& options) {
-  if (options.protocol || !options.shares.empty() || options.asked_split)
-    return wrong("--pairs: takes no --protocol, --share or --split, which are of shapes");
   if (options.points.empty()) options.points = {1024};
   std::vector<Setting> settings;
   for (const std::uint64_t points : options.points)
@@ -121,17 +119,12 @@ Result<void> check_options(const Options& options) {
     if (points < 2 || points > max_generated_points)
       return wrong("--points " + std::to_string(points) + ": is not in 2 … " +
                    std::to_string(max_generated_points));
-  if (auto checked = check_output("--json", options.json, options.methods.models); !checked) return checked;
-  if (auto checked = check_output("--csv", options.csv, options.methods.models); !checked) return checked;
-  if (options.csv == "-") return wrong("--csv -: a table of pairs needs a file");
-  if (!options.csv.empty() && options.csv == options.json)
-    return wrong("--csv " + options.csv + ": is the file of --json too");
-  if (auto checked = check_output("--html", options.html, options.methods.models); !checked) return checked;
-  if (options.html == "-") return wrong("--html -: a page needs a file");
-  for (const auto& [option, path] : {std::pair("--csv", options.csv), {"--json", options.json}})
-    if (!path.empty() && options.html == path)
-      return wrong("--html " + path + ": is the file of " + option + " too");
-  return {};
+  std::vector<std::string> inputs = options.methods.models;
+  inputs.push_back(options.pairs);
+  return check_outputs({{"--csv", options.csv, "a table of pairs"},
+                        {"--html", options.html, "a page"},
+                        {"--json", options.json}},
+                       inputs);
 }
 
 /// Pairs that are made of shapes, or those of a manifest.
@@ -249,7 +242,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
     for (Method& method : methods) {
       const Stopwatch estimating;
       const auto found = estimate(method, *batch, how);
-      const double estimated = estimating.milliseconds() - (found ? found->judging_milliseconds : 0);
+      const double estimated = estimating.milliseconds() - (found ? found->beside_milliseconds : 0);
       if (!found) return failed(found.error(), method.name);
       const auto add = [&](const std::vector<Pose>& poses, double milliseconds) {
         result.methods[row].milliseconds += milliseconds;
@@ -392,20 +385,19 @@ int run(Options& options) {
     warn(std::to_string(report.skipped.size()) +
          (report.skipped.size() == 1 ? " shape was" : " shapes were") + " skipped; " +
          report.skipped[0].shape + ": " + report.skipped[0].reason);
-  const auto write_text = [](const std::string& path, const std::string& text) {
-    return io::write_file(path, std::as_bytes(std::span(text)));
-  };
-  if (!options.csv.empty()) {
-    if (const auto written = write_text(options.csv, to_csv(report)); !written)
-      return complain(written.error());
-  }
+  std::string page;
   if (!options.html.empty()) {
-    const auto page = page_of(report, data);
-    if (!page) return complain(page.error());
-    if (const auto written = write_text(options.html, *page); !written) return complain(written.error());
+    auto drawn = page_of(report, data);
+    if (!drawn) return complain(run_failed, drawn.error().message);
+    page = std::move(*drawn);
   }
-  if (options.json.empty()) return done;
-  const auto written = write_json(options.json, to_json(report));
+  const auto text_writer = [](const std::string& text) {
+    return [&text](const std::string& path) { return io::write_file(path, std::as_bytes(std::span(text))); };
+  };
+  const std::string csv = options.csv.empty() ? "" : to_csv(report);
+  const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
+  const auto written =
+      write_files({{options.csv, text_writer(csv)}, {options.html, text_writer(page)}, {options.json, json}});
   return written ? done : complain(written.error());
 }
 
@@ -419,11 +411,12 @@ Command add_eval(CLI::App& root) {
   app->add_option("--kind", options->kind, "Generated shapes: a KIND of bitr generate")->type_name("KIND");
   app->add_option("--data", options->folder, "Meshes and clouds in this folder and below instead")
       ->type_name("DIR");
-  app->add_option(
-         "--pairs", options->pairs,
-         "Pairs with known answers instead, all in memory: a manifest of bitr batch whose pairs have a "
-         "truth")
-      ->type_name("MANIFEST");
+  auto* pairs =
+      app->add_option(
+             "--pairs", options->pairs,
+             "Pairs with known answers instead, all in memory: a manifest of bitr batch whose pairs have a "
+             "truth")
+          ->type_name("MANIFEST");
   app->add_option("--methods", options->methods.controls,
                   "Controls: " + std::string(control_names) +
                       ", each also with +icp, +ot or +trimmed-icp; all of them when no model is given")
@@ -494,6 +487,9 @@ Command add_eval(CLI::App& root) {
   app->add_option("--html", options->html,
                   "Write a page with the table, charts, and the worst and best pairs")
       ->type_name("FILE");
+  for (const char* of_shapes :
+       {"--kind", "--data", "--protocol", "--share", "--noise", "--same-points", "--split", "--shapes"})
+    pairs->excludes(app->get_option(of_shapes));
   app->footer(
       "Errors: Δr is the angle between the rotations, up to the shape's rotational symmetry; Δt is how far\n"
       "the object's centre ends from its place. Success is Δr ≤ 5° with Δt ≤ 0.1 of the object's diagonal,\n"
@@ -505,9 +501,11 @@ Command add_eval(CLI::App& root) {
       "ones, 0.8 for copies, 0.2 otherwise.\n"
       "Protocols:\n" +
       explained +
+      "Exit status: 0 done; 1 a device or the work failed; 2 bad input or usage.\n"
       "\nExamples:\n"
       "  bitr eval --kind aircraft --share 0.7,0.5 --points 512 --samples 50\n"
       "  bitr eval model.safetensors --icp --methods identity,pca-icp --kind vessels --json errors.json\n"
+      "  bitr eval aircraft --pairs scans.csv --refine icp --confidence --html scans.html\n"
       "  bitr eval a.safetensors b.safetensors --data meshes --split all --csv pairs.csv");
   return {app, [options] { return run(*options); }};
 }

@@ -70,6 +70,8 @@ Result<void> add_controls(const std::vector<std::string>& names, std::vector<Met
 
 Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, const Estimation& how) {
   const std::vector<CloudPair> pairs = pairs_of(batch);
+  Estimate estimate;
+  const Stopwatch planning;
   const BatchShape needed = shape_of(pairs);
   const BatchShape held = method.plan ? method.plan->capacity() : BatchShape{0, 0};
   if (needed.pairs > held.pairs || needed.points > held.points) {
@@ -79,17 +81,17 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
     if (!plan) return tl::unexpected(plan.error());
     method.plan.emplace(std::move(*plan));
   }
+  estimate.beside_milliseconds = planning.milliseconds();
   const auto assemblies =
       assemble(*method.plan, pairs, {.complete_match = method.file.empty(), .diagnostics = false});
   if (!assemblies) return tl::unexpected(assemblies.error());
-  Estimate estimate;
   for (const Assembly& assembly : *assemblies) estimate.poses.push_back(assembly.T_reference_source);
   if (how.confidence && !method.file.empty()) {
     const Stopwatch judging;
     auto evidence = resample(*method.plan, pairs, *assemblies);
     if (!evidence) return tl::unexpected(evidence.error());
     estimate.evidence = std::move(*evidence);
-    estimate.judging_milliseconds = judging.milliseconds();
+    estimate.beside_milliseconds += judging.milliseconds();
   }
   return estimate;
 }

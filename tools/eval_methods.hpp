@@ -61,7 +61,7 @@ struct Estimation {
 struct Estimate {
   std::vector<Pose> poses;
   std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::confidence; else empty
-  double judging_milliseconds = 0;                            ///< that this evidence took
+  double beside_milliseconds = 0;                             ///< that making a plan and this evidence took
 };
 Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);
 std::vector<CloudPair> pairs_of(std::span<const DataSample> batch);

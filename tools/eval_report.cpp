@@ -65,7 +65,7 @@ Json to_json(const ConfidenceSummary& c) {
   for (const ConfidenceBin& bin : c.bins)
     reliability.push_back(
         {{"low", bin.low}, {"high", bin.high}, {"poses", bin.poses}, {"said", bin.said}, {"was", bin.was}});
-  return {{"roc_area", c.area ? Json(*c.area) : Json(nullptr)},
+  return {{"roc_area", optional_json(c.area)},
           {"said", c.said},
           {"was", c.was},
           {"reliability", std::move(reliability)}};
@@ -74,7 +74,7 @@ Json to_json(const ConfidenceSummary& c) {
 Json to_json(const EvalRow& row) {
   const ErrorSummary& s = row.summary;
   Json json = {{"protocol", row.setting.protocol},
-               {"share", row.setting.share ? Json(*row.setting.share) : Json(nullptr)},
+               {"share", optional_json(row.setting.share)},
                {"points", row.setting.points}};
   if (row.bin)
     json["overlap"] = {static_cast<double>(*row.bin) / bins, static_cast<double>(*row.bin + 1) / bins};
@@ -222,7 +222,7 @@ Json to_json(const EvalReport& report) {
 std::string to_csv(const EvalReport& report) {
   const bool judged = !pooled_confidence(report).empty();
   std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed";
-  if (judged) csv += ",confidence,score,fit_overlap,rims,interpenetration,rotation_gap,spread,refined_by";
+  if (judged) csv += ",confidence,score,fit_overlap,interpenetration,rims,rotation_gap,spread,refined_by";
   csv += '\n';
   const auto optional = [](const std::optional<double>& value) { return value ? text_of(*value) : ""; };
   for (const EvalSetting& setting : report.settings)
@@ -236,10 +236,9 @@ std::string to_csv(const EvalReport& report) {
                std::to_string(pair.sample) + ',' + (e.failed ? "1" : "0");
         if (pair.confidence) {
           const Evidence& why = pair.confidence->evidence;
-          for (const double value :
-               {pair.confidence->value, why.score, why.overlap, why.rims, why.interpenetration})
+          for (const double value : {pair.confidence->value, why.score, why.overlap, why.interpenetration})
             csv += ',' + text_of(value);
-          for (const auto& value : {why.rotation_gap, why.spread, why.refined_by})
+          for (const auto& value : {why.rims, why.rotation_gap, why.spread, why.refined_by})
             csv += ',' + optional(value);
         }
         csv += '\n';

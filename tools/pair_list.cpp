@@ -5,6 +5,7 @@
 #include "api/plan.hpp"
 #include "confidence/evidence.hpp"
 #include "core/random.hpp"
+#include "generate/pairs.hpp"
 #include "manifest.hpp"
 #include "pose_file.hpp"
 
@@ -12,21 +13,6 @@ namespace bitr::tool {
 namespace {
 
 constexpr std::size_t mesh_points = 20'000;
-
-Pose random_motion(double length, Random& random) {
-  Pose pose;
-  pose.rotation = random.rotation();
-  for (double& t : pose.translation) t = random.uniform(-length, length);
-  return pose;
-}
-
-void move(PointCloud& cloud, const Pose& motion) {
-  for (Vec3d& point : cloud.positions) point = motion.apply(point);
-  for (Vec3f& normal : cloud.normals) {
-    const Vec3d turned = motion.rotate({normal[0], normal[1], normal[2]});
-    for (int a = 0; a < 3; ++a) normal[a] = static_cast<float>(turned[a]);
-  }
-}
 
 }  // namespace
 
@@ -73,10 +59,10 @@ DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t
     for (int a = 0; a < 3; ++a)
       T_source_object.translation[a] += point[a] / static_cast<double>(sample.source.size());
 
-  const Pose source_motion = random_motion(diagonal(sample.source.positions), random),
-             reference_motion = random_motion(diagonal(sample.reference.positions), random);
-  move(sample.source, source_motion);
-  move(sample.reference, reference_motion);
+  const Pose source_motion = generate::random_pose(diagonal(sample.source.positions), random),
+             reference_motion = generate::random_pose(diagonal(sample.reference.positions), random);
+  generate::move(sample.source, source_motion);
+  generate::move(sample.reference, reference_motion);
   sample.T_reference_source = reference_motion * known.T_reference_source * source_motion.inverse();
   sample.T_source_object = source_motion * T_source_object;
   return sample;

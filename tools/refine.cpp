@@ -94,10 +94,11 @@ int run(const Options& options) {
   if (!reference) return complain(reference.error());
 
   const Vec3d centroid = centroid_of(*source);
+  std::optional<Restricted> end;
   if (options.restriction.any()) {
-    const Restricted from = restricted(options.restriction, start, centroid);
-    if (!from.problem().empty()) return complain(bad_usage, "--pose " + options.pose + ": " + from.problem());
-    start = from.pose;
+    end = restricted(options.restriction, start, centroid);
+    if (!end->problem().empty()) return complain(bad_usage, "--pose " + options.pose + ": " + end->problem());
+    start = end->pose;
     how->within = [&](const Pose& pose) { return restricted(options.restriction, pose, centroid).pose; };
   }
 
@@ -113,8 +114,7 @@ int run(const Options& options) {
   const double milliseconds = total.milliseconds();
   clear_progress();
 
-  std::optional<Restricted> end;
-  if (options.restriction.any()) end = restricted(options.restriction, result.T_reference_source, centroid);
+  if (end) follow(result.T_reference_source, centroid, *end);
   print_result(result, *how, end, *truth, options.json == "-" ? stderr : stdout);
   const auto cloud = [&](const std::string& path) {
     return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));

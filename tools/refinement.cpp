@@ -69,7 +69,7 @@ Json to_json(const Refinement& r, const RefineOptions& options) {
           {"score_after", r.score_after},
           {"overlap_before", r.overlap_before},
           {"overlap", r.overlap},
-          {"rmse", r.rmse ? Json(*r.rmse) : Json(nullptr)},
+          {"rmse", optional_json(r.rmse)},
           {"spacing", r.spacing},
           {"before", matrix_json(r.start)},
           {"after", matrix_json(r.proposal)}};

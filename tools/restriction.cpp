@@ -82,6 +82,11 @@ Restricted restricted(const Restriction& restriction, const Pose& pose, const Ve
   return result;
 }
 
+void follow(const Pose& pose, const Vec3d& source_centroid, Restricted& restricted) {
+  restricted.pose = pose;
+  restricted.turn_degrees = tool::restricted(restricted.restriction, pose, source_centroid).turn_degrees;
+}
+
 Vec3d centroid_of(const PointCloud& cloud) {
   Vec3d centroid{};
   double count = 0;

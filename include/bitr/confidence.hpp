@@ -43,11 +43,12 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
 struct Evidence {
   double score = 0;    ///< see refinement_score
   double overlap = 0;  ///< share of the points with a counterpart (as in that score), of the cloud with more
-  /// How near the rims, where a cloud's surface ends, are to the other cloud: 0 (further than six spacings) …
-  /// 1, the mean over the rims' points; 0 without rims. What clouds that only meet have in common.
-  double rims = 0;
-  /// Share of the points that lie under the other cloud's surface, further in than two spacings and right
-  /// below its nearest point; 0 where the clouds have no oriented normals.
+  /// How near the rims, where a cloud's surface ends, are to the other cloud: the mean over the rims' points
+  /// of 1 − (d/2τ)², at least 0; empty without rims. What clouds that only meet have in common. τ is that of
+  /// the score (refine.hpp).
+  std::optional<double> rims;
+  /// Share of the points that lie under the other cloud's surface, 0.6 τ in or more and right below its
+  /// nearest point; 0 where the clouds have no oriented normals. Does not count for the value.
   double interpenetration = 0;
   std::optional<double> rotation_gap, spread;  ///< as in NetworkEvidence; empty without
   std::optional<double> refined_by;  ///< angle in degrees between the network's answer and the pose, where
@@ -55,9 +56,9 @@ struct Evidence {
 };
 
 struct Confidence {
-  /// Estimated probability that the rotation is within 20° of the truth and that the source's middle is
-  /// within a tenth of the joined object's diagonal of its place: near enough for refinement to bring it
-  /// home.
+  /// Estimated probability of near_truth (evaluate.hpp): that the rotation is within 20° of the truth and the
+  /// object's centre within a tenth of the joined object's diagonal of its place, near enough for refinement
+  /// to bring it home. 0 where a network's rotation is not determined (Status::degenerate).
   double value = 0;
   /// What lowers it, most important first, for people; empty when nothing does.
   std::vector<std::string> reasons;

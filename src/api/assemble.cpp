@@ -9,9 +9,6 @@
 namespace bitr {
 namespace {
 
-// Below this share of the largest singular value the rotation is decided by rounding noise.
-constexpr double least_rotation_gap = 1e-3;
-
 // From the centred clouds' frames to the input's: x ↦ R (x − source centroid) + t + reference centroid.
 Pose uncentred(Pose T, const Vec3d& source, const Vec3d& reference) {
   const Vec3d turned = T.rotate(source);

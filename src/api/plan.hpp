@@ -17,6 +17,9 @@ struct RawPose {
   double determinant;
 };
 
+/// Below this share of the largest singular value the rotation is decided by rounding noise.
+inline constexpr double least_rotation_gap = 1e-3;
+
 struct Plan::Impl {
   using Clock = std::chrono::steady_clock;
 

@@ -79,10 +79,11 @@ Confidence judged(const Evidence& evidence) {
     effects.emplace_back(add(c.turn, std::log1p(*evidence.refined_by)),
                          text("refinement turned the network's answer by %.0f°", *evidence.refined_by));
   // These speak together: a good fit of a small overlap is worth as much as one of a large overlap.
-  const double fit =
-      add(c.score, evidence.score) + add(c.overlap, evidence.overlap) + add(c.rims, evidence.rims);
-  effects.emplace_back(fit, text("the clouds fit badly: score %.2f with %.0f %% overlap, rims %.2f",
-                                 evidence.score, 100 * evidence.overlap, evidence.rims));
+  const double fit = add(c.score, evidence.score) + add(c.overlap, evidence.overlap) +
+                     add(c.rims, evidence.rims.value_or(c.rims.usual));
+  effects.emplace_back(fit, text("the clouds fit badly: score %.2f with %.0f %% overlap", evidence.score,
+                                 100 * evidence.overlap) +
+                                (evidence.rims ? text(", rims %.2f", *evidence.rims) : ""));
   std::stable_sort(effects.begin(), effects.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   Confidence confidence{.value = 1 / (1 + std::exp(-log_odds)), .reasons = {}, .evidence = evidence};

@@ -120,6 +120,10 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
           evidence.refined_by = rotation_error_degrees(poses[i], answer.T_reference_source);
       }
       judged[i] = confidence::judged(evidence);
+      if (evidence.rotation_gap && *evidence.rotation_gap < least_rotation_gap) {
+        judged[i].value = 0;
+        judged[i].reasons.insert(judged[i].reasons.begin(), "the rotation is not determined");
+      }
     };
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const std::string which = refine::pair_name(i, pairs.size());

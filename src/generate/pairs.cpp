@@ -8,18 +8,20 @@
 namespace bitr::generate {
 namespace {
 
-Pose random_pose(double translation, Random& random) {
-  Pose pose;
-  pose.rotation = random.rotation();
-  for (double& t : pose.translation) t = random.uniform(-translation, translation);
-  return pose;
-}
-
 void add_noise(PointCloud& cloud, const Separation& how, Random& random) {
   if (how.noise == 0) return;
   for (Vec3d& point : cloud.positions)
     for (double& coordinate : point)
       coordinate += how.noise * std::clamp(random.normal(), -how.clip, how.clip);
+}
+
+}  // namespace
+
+Pose random_pose(double translation, Random& random) {
+  Pose pose;
+  pose.rotation = random.rotation();
+  for (double& t : pose.translation) t = random.uniform(-translation, translation);
+  return pose;
 }
 
 void move(PointCloud& cloud, const Pose& pose) {
@@ -29,8 +31,6 @@ void move(PointCloud& cloud, const Pose& pose) {
     for (int axis = 0; axis < 3; ++axis) normal[axis] = static_cast<float>(turned[axis]);
   }
 }
-
-}  // namespace
 
 void separate(GeneratedPair& pair, const Separation& how, std::uint64_t seed) {
   Random poses = random_for(seed, Draw::poses), noise = random_for(seed, Draw::noise);

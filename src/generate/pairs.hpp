@@ -10,6 +10,11 @@
 
 namespace bitr::generate {
 
+/// A uniform rotation, and a shift of up to that on every axis.
+Pose random_pose(double translation, Random& random);
+/// Positions become R x + t, normals R n.
+void move(PointCloud& cloud, const Pose& pose);
+
 /// What becomes of two clouds that are where they belong.
 struct Separation {
   double noise = 0, clip = noise_clip;

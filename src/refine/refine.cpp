@@ -24,6 +24,8 @@ namespace {
 constexpr std::size_t most_transported = 4'096;
 // Points that a Vulkan device is given at once, unless one pair has more.
 constexpr std::size_t most_together = 1 << 19;
+// A pair with more is left to the CPU: a device binds 128 MiB at least, eight million points.
+constexpr std::size_t most_on_device = std::size_t{1} << 22;
 // Of a proposal's overlap, this much must have been near at the start.
 constexpr double least_near = 0.5;
 
@@ -273,6 +275,10 @@ class Refiner : public Stepper {
   TransportResult transport_;
 };
 
+std::size_t points_of_pair(const CloudPair& pair) {
+  return pair.source.positions.count + pair.reference.positions.count;
+}
+
 // Refines as many pairs on the device as it holds at once; returns the first of those that are left.
 std::size_t refine_together(const Device& device, std::span<const CloudPair> pairs,
                             std::span<const Pose> starts, const RefineOptions& options, std::size_t begin,
@@ -318,20 +324,24 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
       if (!is_finite(starts[i])) refuse(which + "the start is not finite");
     }
     std::vector<Refinement> results(pairs.size());
+    const auto refine_here = [&](std::size_t i, const Workers& workers) {
+      Refiner refiner(pairs[i], starts[i], options, Extent::all, workers);
+      drive(refiner, workers);
+      results[i] = refiner.result();
+    };
     if (device.context()) {
       for (std::size_t begin = 0; begin < pairs.size();)
-        begin = refine_together(device, pairs, starts, options, begin, results);
+        if (points_of_pair(pairs[begin]) > most_on_device)
+          refine_here(begin++, {&device.pool()});
+        else
+          begin = refine_together(device, pairs, starts, options, begin, results);
       return results;
     }
     // One pair on all threads, or every thread with pairs of its own.
     const bool alone = pairs.size() < device.threads();
     const Workers workers{alone ? &device.pool() : nullptr};
     const auto run = [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        Refiner refiner(pairs[i], starts[i], options, Extent::all, workers);
-        drive(refiner, workers);
-        results[i] = refiner.result();
-      }
+      for (std::size_t i = begin; i < end; ++i) refine_here(i, workers);
     };
     if (alone)
       run(0, pairs.size());
@@ -345,10 +355,11 @@ Result<double> refinement_score(const Device& device, const CloudPair& pair, con
   return guarded([&]() -> Result<double> {
     require_surface(pair.source, "source");
     require_surface(pair.reference, "reference");
+    if (!is_finite(T_reference_source)) refuse("the pose is not finite");
     const Workers workers{&device.pool()};
     Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
     Stepper* stepper = &refiner;
-    if (device.context())
+    if (device.context() && points_of_pair(pair) <= most_on_device)
       drive({&stepper, 1}, *device.context(), device.pool());
     else
       drive(refiner, workers);

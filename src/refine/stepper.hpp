@@ -44,6 +44,8 @@ class Stepper {
   virtual void step() = 0;
 };
 
+/// Of one of its points: rows and squared distances of at least one and at most `wanted`; how many.
+std::size_t nearest(const Search& search, const Vec3d& from, std::uint32_t* index, double* squared);
 /// Answers one search on the CPU.
 void find(const Search& search, const Workers& workers);
 /// To its end, on the CPU.

@@ -81,10 +81,10 @@ class Searcher {
     const Vec3d point = search.point(i);
     std::uint32_t index[Search::most_wanted];
     double squared[Search::most_wanted];
-    const std::size_t count = std::min(search.wanted, search.in.size());
+    std::size_t count = std::min(search.wanted, search.in.size());
     std::copy_n(found, count, index);
     if (!cloud.sees(point) || index[count - 1] == vk::Nearest::none) {
-      search.tree.knnSearch(point.data(), count, index, squared);
+      count = nearest(search, point, index, squared);
     } else {
       for (std::size_t k = 0; k < count; ++k) {
         squared[k] = 0;

@@ -286,7 +286,7 @@ TEST_F(Assemble, StrictRefusesLittleConfidence) {
   EXPECT_FALSE(std::filesystem::exists(output));
   const Finished lenient = run(pair, {"--strict", "--least-confidence", "0", "-o", output});
   EXPECT_EQ(lenient.status, 0) << lenient.err;
-  const Finished wrong = run(pair, {"--least-confidence", "1.5"});
+  const Finished wrong = run(pair, {"--strict", "--least-confidence", "1.5"});
   EXPECT_EQ(wrong.status, 2);
   EXPECT_THAT(wrong.err, HasSubstr("--least-confidence 1.5: is not in 0 … 1"));
 }

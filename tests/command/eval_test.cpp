@@ -234,7 +234,7 @@ TEST(Eval, WhatIsWrongIsStatusTwoAndOneLine) {
       {{"--kind", "aircraft", "--json", folder.path("no/such.json")}, "its folder does not exist"},
       {{"--kind", "aircraft", "--csv", folder.path("no/such.csv")}, "its folder does not exist"},
       {{"--kind", "aircraft", "--csv", "-"}, "--csv"},
-      {{"--kind", "aircraft", "--csv", folder.path("a"), "--json", folder.path("a")}, "--json too"},
+      {{"--kind", "aircraft", "--csv", folder.path("a"), "--json", folder.path("a")}, "is the file of --csv too"},
       {{garbage, "--kind", "aircraft", "--csv", garbage}, "would replace an input"},
   };
   for (const Case& c : cases) {
@@ -291,8 +291,8 @@ TEST(Eval, TakesPairsOfAManifestAndMovesThem) {
       folder.write("bare.csv", "source,reference\ncopy_000_source.ply,copy_000_reference.ply\n");
   fails({bare}, "pair 0 has no truth to be compared with");
   fails({folder.write("none.jsonl", "")}, "none.jsonl: holds no pairs");
-  fails({folder.path("copy.jsonl"), "--share", "0.5"}, "--pairs: takes no --protocol, --share or --split");
-  fails({folder.path("copy.jsonl"), "--kind", "copy"}, "give one of them");
+  fails({folder.path("copy.jsonl"), "--share", "0.5"}, "--pairs excludes --share");
+  fails({folder.path("copy.jsonl"), "--kind", "copy"}, "--kind excludes --pairs");
 }
 
 }  // namespace

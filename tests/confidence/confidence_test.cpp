@@ -77,7 +77,8 @@ TEST(Evidence, OfACopyIsPerfect) {
   EXPECT_NEAR(evidence.score, 1, 1e-6);
   EXPECT_DOUBLE_EQ(evidence.overlap, 1);
   EXPECT_EQ(evidence.interpenetration, 0);
-  EXPECT_EQ(evidence.rims, 0);  // a sphere has none
+  EXPECT_FALSE(evidence.rims);  // a sphere has none
+  EXPECT_GT(judged(cloud, cloud, {}).value, 0.8);
   EXPECT_FALSE(evidence.spread || evidence.rotation_gap || evidence.refined_by);
 }
 
@@ -97,7 +98,7 @@ TEST(Evidence, IsTheSameInEveryFrameAndUnit) {
             .evidence;
     EXPECT_NEAR(found.score, expected.score, 1e-5);
     EXPECT_NEAR(found.overlap, expected.overlap, 1e-5);
-    EXPECT_NEAR(found.rims, expected.rims, 1e-5);
+    EXPECT_NEAR(found.rims.value(), expected.rims.value(), 1e-5);
     EXPECT_NEAR(found.interpenetration, expected.interpenetration, 1e-5);
   }
 }
@@ -118,7 +119,7 @@ TEST(Evidence, TellsWhatLiesInside) {
 TEST(Evidence, SeesRimsThatMeet) {
   const PointCloud left = sheet(24, 0);
   // Sides against each other share one of four rims; far away none; on one another all.
-  const double met = judged(left, sheet(24, 24), {}).evidence.rims;
+  const double met = judged(left, sheet(24, 24), {}).evidence.rims.value();
   EXPECT_GT(met, 0.2);
   EXPECT_LT(met, 0.6);
   EXPECT_EQ(judged(left, sheet(24, 100), {}).evidence.rims, 0);
