@@ -214,7 +214,7 @@ void main() {
       if (duplicates) {
         [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) x += weight0(OZ0 + o * HEADS * Z0 + i) * zero_sum0[i];
       }
-      if (inside) result[row * R4 * 4 + o] = x;
+      if (inside) result[(row - p.first_row) * R4 * 4 + o] = x;
     }
     return;
   }
@@ -260,6 +260,6 @@ void main() {
   }
   [[unroll]] for (int i = OUT0 + 3 * OUT1; i < 4 * R4; ++i) row_out[i] = 0.0;
   if (inside) {
-    [[unroll]] for (int i = 0; i < 4 * R4; ++i) result[row * R4 * 4 + i] = row_out[i];
+    [[unroll]] for (int i = 0; i < 4 * R4; ++i) result[(row - p.first_row) * R4 * 4 + i] = row_out[i];
   }
 }

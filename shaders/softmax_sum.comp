@@ -35,7 +35,7 @@ layout(set = 0, binding = 1) readonly buffer Values { vec4 values[]; };
 layout(set = 0, binding = 2) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 3) readonly buffer Offsets { uint offsets[]; };
 layout(set = 0, binding = 4) writeonly buffer Partials { Partial partials[]; };
-layout(push_constant) uniform Push { TileParameters p; };
+layout(push_constant) uniform Push { PointParameters p; };
 
 // Four columns from SKIP + 4·vector on. Those past the last are arbitrary numbers, never read again.
 vec4 columns(uint row, uint vector) {
@@ -60,7 +60,7 @@ void main() {
       float logit[BATCH];
       float largest = sum.largest;
       [[unroll]] for (uint i = 0; i < BATCH; ++i) {
-        logit[i] = logits[min(first + i * PARTS, end - 1) * L + channel];
+        logit[i] = logits[(min(first + i * PARTS, end - 1) - p.first_row) * L + channel];
         largest = max(largest, first + i * PARTS < end ? logit[i] : sum.largest);
       }
       const float rescale = exp(sum.largest - largest);

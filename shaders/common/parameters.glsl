@@ -13,7 +13,7 @@ struct KnnParameters {
 // Kernels with an invocation per point.
 struct PointParameters {
   uint first_tile;
-  uint first_row;  // of the index tensor as bound
+  uint first_row;  // of the tensors that are bound in part
 };
 
 struct CloudParameters {

@@ -28,11 +28,13 @@ KernelPtr kernel_for(const Site& site, const ops::Op& op) {
 }
 
 std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row,
-                               std::size_t row_bytes) {
+                               std::size_t row_bytes, std::size_t beyond) {
   double tiles = most_cost / (cost_per_row * tile_rows);
   // A run is bound from a multiple of 64 rows on.
   if (row_bytes > 0)
-    tiles = std::min(tiles, (static_cast<double>(capabilities.storage_range / row_bytes) - 64) / tile_rows);
+    tiles = std::min(tiles, (static_cast<double>(capabilities.storage_range / row_bytes) - 64 -
+                             static_cast<double>(beyond)) /
+                                tile_rows);
   const std::uint32_t most =
       static_cast<std::uint32_t>(std::clamp(tiles, 1.0, static_cast<double>(capabilities.groups)));
   std::vector<TileRun> runs;
@@ -45,8 +47,12 @@ std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabi
 }
 
 Range rows_of(const Slot& index, const TileRun& run) {
-  const VkDeviceSize row = sizeof(std::uint32_t) * static_cast<VkDeviceSize>(index.per_row);
-  return index.range.sub(run.first_row * row, (run.end_row - run.first_row) * row);
+  return rows_of(index.range, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row), run);
+}
+
+Range rows_of(const Range& rows, std::size_t row_bytes, const TileRun& run, std::size_t beyond) {
+  const std::size_t begin = run.first_row * row_bytes;
+  return rows.sub(begin, std::min((run.end_row + beyond) * row_bytes, rows.size) - begin);
 }
 
 std::vector<RowRun> row_runs(std::size_t rows, std::size_t most_rows, double cost_per_row) {

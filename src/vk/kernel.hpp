@@ -128,17 +128,19 @@ KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
 KernelPtr kernel_for(const Site& site, const ops::Op& op);
 
 /// Runs of tiles whose dispatch costs at most the schedule's bound and fits into one axis of the grid, and
-/// whose rows of `row_bytes` fit into one binding.
+/// whose rows of `row_bytes`, with `beyond` more after their last, fit into one binding.
 struct TileRun {
   std::uint32_t first, count;
   /// Rows the run touches: from a multiple of 64, so that bindings stay aligned, to past its last.
   std::uint32_t first_row, end_row;
 };
 std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabilities, double cost_per_row,
-                               std::size_t row_bytes = 0);
+                               std::size_t row_bytes = 0, std::size_t beyond = 0);
 
 /// The part of an index tensor that a run of tiles touches.
 Range rows_of(const Slot& index, const TileRun& run);
+/// Of any tensor with rows of so many bytes, and up to `beyond` rows after the run's last.
+Range rows_of(const Range& rows, std::size_t row_bytes, const TileRun& run, std::size_t beyond = 0);
 
 /// Rows that kernels without tiles take in one dispatch.
 struct RowRun {

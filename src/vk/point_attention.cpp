@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "core/failure.hpp"
 #include "point_attention.spv.hpp"
 #include "vk/kernel.hpp"
@@ -16,7 +18,9 @@ constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vec
 class PointAttentionKernel : public Kernel {
  public:
   PointAttentionKernel(const Site& site, const ops::PointAttention& op)
-      : op_(op), capabilities_(site.context.capabilities()) {
+      : op_(op),
+        capabilities_(site.context.capabilities()),
+        row_bytes_(sizeof(float) * padded(site.out[0].width)) {
     for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
     pad_constants(4);
     if (!op.per_cloud)
@@ -31,13 +35,15 @@ class PointAttentionKernel : public Kernel {
     const RowTable& table = args.tables.of(result.rows);
     // Products and sums of φ, per edge and head.
     const double cost = index.per_row * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
-    for (const TileRun& run : tile_runs(table, capabilities_, cost,
-                                        sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))
-      args.schedule.dispatch(
-          *pipeline_,
-          {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
-           op_.per_cloud ? args.in[4].range : features.range, table.tiles, result.range, args.constants},
-          PointParameters{run.first, run.first_row}, {run.count, 1, 1}, cost * (run.end_row - run.first_row));
+    for (const TileRun& run :
+         tile_runs(table, capabilities_, cost,
+                   std::max(row_bytes_, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row))))
+      args.schedule.dispatch(*pipeline_,
+                             {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
+                              op_.per_cloud ? args.in[4].range : features.range, table.tiles,
+                              rows_of(result.range, row_bytes_, run), args.constants},
+                             PointParameters{run.first, run.first_row}, {run.count, 1, 1},
+                             cost * (run.end_row - run.first_row));
   }
 
  private:
@@ -61,6 +67,7 @@ class PointAttentionKernel : public Kernel {
   const ops::PointAttention op_;
   const Pipeline* pipeline_ = nullptr;
   const Capabilities& capabilities_;
+  const std::size_t row_bytes_;  // of the result
 };
 
 }  // namespace

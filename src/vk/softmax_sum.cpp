@@ -9,7 +9,7 @@ namespace bitr::vk {
 namespace {
 
 constexpr Access chunk_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
-constexpr Shader chunk_shader{"softmax_sum", spirv::softmax_sum, chunk_bindings, sizeof(TileParameters), 7};
+constexpr Shader chunk_shader{"softmax_sum", spirv::softmax_sum, chunk_bindings, sizeof(PointParameters), 7};
 constexpr Access combine_bindings[] = {Access::read, Access::read, Access::write};
 constexpr Shader combine_shader{"softmax_sum_combine", spirv::softmax_sum_combine, combine_bindings,
                                 sizeof(SegmentParameters), 4};
@@ -26,7 +26,8 @@ struct Sum {
 
 class SoftmaxSumKernel : public Kernel {
  public:
-  SoftmaxSumKernel(const Site& site, const ops::SoftmaxSum& op) : capabilities_(site.context.capabilities()) {
+  SoftmaxSumKernel(const Site& site, const ops::SoftmaxSum& op)
+      : capabilities_(site.context.capabilities()), logit_bytes_(sizeof(float) * padded(site.in[0].width)) {
     const auto channels = static_cast<std::uint32_t>(op.channels);
     for (std::size_t i = 0; i < op.skip.size(); ++i) {
       const auto columns = static_cast<std::uint32_t>(site.out[i].width);
@@ -60,11 +61,12 @@ class SoftmaxSumKernel : public Kernel {
     }
     for (std::size_t i = 0; i < sums_.size(); ++i) {
       const double cost = 24.0 * sums_[i].items;
-      for (const TileRun& run : tile_runs(points, capabilities_, cost))
-        args.schedule.dispatch(
-            *sums_[i].chunks,
-            {args.in[0].range, args.in[i + 1].range, points.tiles, points.offsets, partials[i]},
-            TileParameters{run.first}, {run.count, 1, 1}, cost * (run.end_row - run.first_row));
+      for (const TileRun& run : tile_runs(points, capabilities_, cost, logit_bytes_, chunk_rows))
+        args.schedule.dispatch(*sums_[i].chunks,
+                               {rows_of(args.in[0].range, logit_bytes_, run, chunk_rows),
+                                args.in[i + 1].range, points.tiles, points.offsets, partials[i]},
+                               PointParameters{run.first, run.first_row}, {run.count, 1, 1},
+                               cost * (run.end_row - run.first_row));
     }
     const std::uint32_t clouds = args.layout.clouds();
     for (std::size_t i = 0; i < sums_.size(); ++i)
@@ -84,6 +86,7 @@ class SoftmaxSumKernel : public Kernel {
   }
 
   const Capabilities& capabilities_;
+  const std::size_t logit_bytes_;  // of a row
   std::vector<Sum> sums_;
 };
 
