@@ -161,12 +161,12 @@ test('the report is all there, whatever its keys and the names of the files', as
   // A key that no version of the page has heard of.
   const data = readFileSync(odd.view, 'utf8').replace(
     '"diagnostics":{',
-    '"confidence":{"level":"high","reasons":["the cats agree","so do the dogs"]},"diagnostics":{',
+    '"opinion":{"level":"high","reasons":["the cats agree","so do the dogs"]},"diagnostics":{',
   );
   writeFileSync(inside('later.html'), data);
   const later = await open(browser, inside('later.html'));
   const found = await later.locator('#report').innerText();
-  for (const words of ['confidence', 'high', 'the cats agree', 'so do the dogs'])
+  for (const words of ['confidence', 'opinion', 'high', 'the cats agree', 'so do the dogs'])
     assert.ok(found.includes(words), words);
 });
 
