@@ -52,11 +52,11 @@ Result<void> refine(const Device& device, std::span<const InputPair> pairs, cons
   return {};
 }
 
-Result<void> judge(const Device& device, std::span<const InputPair> pairs,
+Result<void> judge(const Device& device, std::span<const CloudPair> clouds,
                    std::span<const std::optional<NetworkEvidence>> evidence, std::vector<Answer>& answers) {
   std::vector<Pose> poses;
   for (const Answer& answer : answers) poses.push_back(answer.assembly.T_reference_source);
-  auto judged = judge_poses(device, used(pairs), poses, evidence);
+  auto judged = judge_poses(device, clouds, poses, evidence);
   if (!judged) return tl::unexpected(judged.error());
   for (std::size_t i = 0; i < answers.size(); ++i) {
     Confidence& confidence = (*judged)[i];
@@ -157,7 +157,7 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
     if (const auto refined = refine(plan.device(), pairs, options, answers); !refined)
       return tl::unexpected(refined.error());
   if (options.confidence)
-    if (const auto judged = judge(plan.device(), pairs, evidence, answers); !judged)
+    if (const auto judged = judge(plan.device(), clouds, evidence, answers); !judged)
       return tl::unexpected(judged.error());
   return answers;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/base64.hpp"
+#include "core/median.hpp"
 #include "svg/svg.hpp"
 
 namespace bitr::tool {
@@ -116,12 +117,6 @@ std::string histograms(const EvalSetting& setting) {
                        svg::colour(m));
   }
   return image + "</svg>\n";
-}
-
-double median(std::vector<double> values) {
-  std::vector<PoseErrors> errors(values.size());
-  for (std::size_t i = 0; i < values.size(); ++i) errors[i].rotation = values[i];
-  return summarise(errors).rotation.median;
 }
 
 /// Where a pair is across the chart, in %.

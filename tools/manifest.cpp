@@ -7,11 +7,11 @@
 #include <libfccp/csv.h>
 #pragma GCC diagnostic pop
 
-#include <cctype>
 #include <filesystem>
 #include <fstream>
 
 #include "core/hash.hpp"
+#include "io/formats.hpp"
 #include "pose_file.hpp"
 
 namespace bitr::tool {
@@ -138,8 +138,7 @@ Result<Manifest> Manifest::open(const std::string& path) {
   if (std::filesystem::is_directory(path, error)) return fail(ErrorCode::io, path + ": is a folder");
   std::ifstream file(path, std::ios::binary);
   if (!file) return fail(ErrorCode::io, path + ": cannot be read");
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = io::extension_of(path);
   if (extension == ".jsonl" || extension == ".ndjson" || extension == ".json")
     return Manifest(std::make_unique<JsonLines>(path, std::move(file)));
   try {

@@ -8,6 +8,7 @@
 #include "generate/pairs.hpp"
 #include "manifest.hpp"
 #include "pose_file.hpp"
+#include "restriction.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -55,10 +56,7 @@ DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t
   const CloudPair as_given = {sample.source, sample.reference};
   sample.overlap = confidence::evidence_of_fit(as_given, known.T_reference_source, {}).overlap;
   Pose T_source_object;
-  for (const Vec3d& point : sample.source.positions)
-    for (int a = 0; a < 3; ++a)
-      T_source_object.translation[a] += point[a] / static_cast<double>(sample.source.size());
-
+  T_source_object.translation = centroid_of(sample.source);
   const Pose source_motion = generate::random_pose(diagonal(sample.source.positions), random),
              reference_motion = generate::random_pose(diagonal(sample.reference.positions), random);
   generate::move(sample.source, source_motion);

@@ -36,17 +36,6 @@ Vec3d parse_axis(const std::string& text) {
   return axis;
 }
 
-// Rodrigues' formula.
-std::array<double, 9> turn_about(const Vec3d& n, double angle) {
-  const double c = std::cos(angle), s = std::sin(angle);
-  const std::array<double, 9> across = {0, -n[2], n[1], n[2], 0, -n[0], -n[1], n[0], 0};
-  std::array<double, 9> turn{};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      turn[3 * i + j] = (i == j) * c + (1 - c) * n[i] * n[j] + s * across[3 * i + j];
-  return turn;
-}
-
 std::string name_of(const Vec3d& axis) { return io::text("(", axis[0], ", ", axis[1], ", ", axis[2], ")"); }
 
 }  // namespace

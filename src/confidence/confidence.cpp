@@ -9,6 +9,7 @@
 #include "confidence/calibration.hpp"
 #include "confidence/evidence.hpp"
 #include "core/finite.hpp"
+#include "core/median.hpp"
 #include "refine/surface.hpp"
 
 namespace bitr {
@@ -39,11 +40,6 @@ struct Parted {
   std::size_t pair = 0, source = 0, reference = 0;  ///< and points of its parts
   std::vector<double> angles;
 };
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return (values[(values.size() - 1) / 2] + values[values.size() / 2]) / 2;
-}
 
 }  // namespace
 
@@ -103,10 +99,9 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
     if (pairs.size() != poses.size() || (!network.empty() && pairs.size() != network.size()))
       refuse(std::to_string(poses.size()) + " poses and evidence of " + std::to_string(network.size()) +
              " for " + std::to_string(pairs.size()) + " pairs");
+    refine::require_surfaces(pairs);
     std::vector<Confidence> judged(pairs.size());
-    const bool alone = pairs.size() < device.threads();
-    const refine::Workers workers{alone ? &device.pool() : nullptr};
-    const auto judge = [&](std::size_t i) {
+    refine::for_each_pair(device, pairs.size(), [&](std::size_t i, const refine::Workers& workers) {
       if (!is_finite(poses[i])) {
         judged[i].reasons = {"the pose is not finite"};
         return;
@@ -124,18 +119,7 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
         judged[i].value = 0;
         judged[i].reasons.insert(judged[i].reasons.begin(), "the rotation is not determined");
       }
-    };
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::string which = refine::pair_name(i, pairs.size());
-      refine::require_surface(pairs[i].source, which + "source");
-      refine::require_surface(pairs[i].reference, which + "reference");
-    }
-    if (alone)
-      for (std::size_t i = 0; i < pairs.size(); ++i) judge(i);
-    else
-      device.pool().parallel_for(pairs.size(), 1, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) judge(i);
-      });
+    });
     return judged;
   });
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "refine/matching.hpp"
 #include "refine/score.hpp"
@@ -51,20 +52,20 @@ struct Beside {
   bool below = false;  ///< that point's surface, and deep
 };
 
-std::vector<Beside> look(const Surface& from, const Surface& to, const Pose& T, bool oriented, double tau,
-                         const Workers& workers) {
-  std::vector<Beside> beside(from.some.size());
-  const auto moved = [&](std::size_t i) { return T.apply(from.points[from.some[i]]); };
-  const auto take = [&](std::size_t i, const std::uint32_t* index, const double* squared, std::size_t) {
+// The search, which also tells of every asked point what it lies beside.
+Search also_beside(Search search, const Surface& to, bool oriented, double tau, std::vector<Beside>& beside) {
+  beside.resize(search.count);
+  search.take = [=, &to, &beside, first = std::move(search.take), moved = search.point](
+                    std::size_t i, const std::uint32_t* index, double* squared, std::size_t found) {
     beside[i].squared = *squared;
     const double distance = std::sqrt(*squared);
-    if (!to.has_normals() || !oriented || distance < least_depth * tau) return;
-    const Vec3d point = moved(i), &nearest = to.points[*index];
-    const double height = dot(point, to.normals[*index]) - dot(nearest, to.normals[*index]);
-    beside[i].below = height < -least_below * distance;
+    if (to.has_normals() && oriented && distance >= least_depth * tau) {
+      const double height = dot(moved(i), to.normals[*index]) - dot(to.points[*index], to.normals[*index]);
+      beside[i].below = height < -least_below * distance;
+    }
+    first(i, index, squared, found);
   };
-  find({to.points, to.tree, &from, from.some.size(), 1, moved, take}, workers);
-  return beside;
+  return search;
 }
 
 }  // namespace
@@ -80,14 +81,19 @@ Evidence evidence_of_fit(const CloudPair& pair, const Pose& T_reference_source, 
     oriented = normals_are_oriented(matches);
   }
   Measurement measurement(source, reference, T, oriented);
-  for (const Search& search : measurement.searches()) find(search, workers);
+  const double tau = truncation(source, reference), reach = rim_reach * tau;
+  std::vector<Beside> of_source, of_reference;
+  for (const Search& search : measurement.searches()) {
+    const bool from_source = search.from == &source;
+    find(also_beside(search, from_source ? reference : source, oriented, tau,
+                     from_source ? of_source : of_reference),
+         workers);
+  }
   const Fit fit = measurement.fit();
 
-  const double tau = truncation(source, reference), reach = rim_reach * tau;
   double below = 0, asked = 0, rims = 0, rim_points = 0;
-  const auto add = [&](const Surface& from, const Surface& to, const Pose& pose) {
+  const auto add = [&](const Surface& from, const std::vector<Beside>& beside) {
     const std::vector<char> rim = rim_of(from, workers);
-    const std::vector<Beside> beside = look(from, to, pose, oriented, tau, workers);
     for (std::size_t i = 0; i < beside.size(); ++i) {
       below += beside[i].below;
       if (!rim[i]) continue;
@@ -97,8 +103,8 @@ Evidence evidence_of_fit(const CloudPair& pair, const Pose& T_reference_source, 
     asked += static_cast<double>(beside.size());
   };
   if (tau > 0) {
-    add(source, reference, T);
-    add(reference, source, T.inverse());
+    add(source, of_source);
+    add(reference, of_reference);
   }
   Evidence evidence;
   evidence.score = fit.score;

@@ -7,6 +7,15 @@
 
 namespace bitr {
 
+/// By `angle` about the unit axis n, row by row: Rodrigues' formula.
+inline std::array<double, 9> turn_about(const Vec3d& n, double angle) {
+  const auto [x, y, z] = n;
+  const double c = std::cos(angle), s = std::sin(angle), d = 1 - c;
+  return {c + d * x * x,     d * x * y - s * z, d * x * z + s * y,  //
+          d * x * y + s * z, c + d * y * y,     d * y * z - s * x,  //
+          d * x * z - s * y, d * y * z + s * x, c + d * z * z};
+}
+
 struct Turn {
   double angle = 0;
   double margin = 0;  ///< how much ⟨A, S(θ)⟩ varies with θ, half of it; 0: no turn is better than another

@@ -6,21 +6,11 @@
 #include <vector>
 
 #include "core/finite.hpp"
+#include "core/median.hpp"
 #include "core/turn.hpp"
 
 namespace bitr {
 namespace {
-
-/// About a unit axis through the origin.
-Pose turn_about(const Vec3d& axis, double angle) {
-  const auto [x, y, z] = axis;
-  const double c = std::cos(angle), s = std::sin(angle), d = 1 - c;
-  Pose turn;
-  turn.rotation = {c + d * x * x,     d * x * y - s * z, d * x * z + s * y,  //
-                   d * x * y + s * z, c + d * y * y,     d * y * z - s * x,  //
-                   d * x * z - s * y, d * y * z + s * x, c + d * z * z};
-  return turn;
-}
 
 /// The truth, after the turn of the object that brings it nearest to the pose.
 Pose nearest_truth(const Pose& pose, const DataSample& sample) {
@@ -29,13 +19,8 @@ Pose nearest_truth(const Pose& pose, const DataSample& sample) {
   const Pose between = T_reference_object.inverse() * pose * sample.T_source_object;
   const auto& [axis, order] = sample.symmetry;
   const double step = order > 0 ? 2 * std::numbers::pi / order : 0;
-  const Pose turn = turn_about(axis, nearest_turn(between.rotation, axis, step));
+  const Pose turn = {.rotation = turn_about(axis, nearest_turn(between.rotation, axis, step))};
   return T_reference_object * turn * sample.T_source_object.inverse();
-}
-
-double median_of(const std::vector<double>& sorted) {
-  const std::size_t half = sorted.size() / 2;
-  return sorted.size() % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
 }
 
 Distribution distribution(std::span<const PoseErrors> errors, double PoseErrors::*field) {
@@ -48,7 +33,7 @@ Distribution distribution(std::span<const PoseErrors> errors, double PoseErrors:
   double squares = 0;
   for (const double value : values) squares += (value - d.mean) * (value - d.mean);
   d.std = std::sqrt(squares / n);
-  d.median = median_of(values);
+  d.median = median_of_sorted(values);
   // The number of values below the true median has standard deviation √n/2.
   const auto rank = [&](double at) { return values[static_cast<std::size_t>(std::clamp(at, 0.0, n - 1))]; };
   d.median_error = (rank(n / 2 + std::sqrt(n) / 2) - rank(n / 2 - std::sqrt(n) / 2)) / 2;

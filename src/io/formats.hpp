@@ -2,7 +2,9 @@
 #pragma once
 
 #include <bitr/io.hpp>
+#include <filesystem>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -26,6 +28,9 @@ Result<Geometry> parse_npy(const File& file);
 Result<Geometry> parse_obj(const File& file);
 Result<Geometry> parse_off(const File& file);
 Result<Geometry> parse_stl(const File& file);
+
+/// With its dot, in small letters.
+std::string extension_of(const std::filesystem::path& path);
 
 /// The parser of the format.
 Result<Geometry> parse_file(const File& file, CloudFormat format);

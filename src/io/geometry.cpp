@@ -9,6 +9,13 @@
 
 namespace bitr::io {
 
+std::string extension_of(const std::filesystem::path& path) {
+  std::string extension = path.extension().native();
+  for (char& c : extension)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return extension;
+}
+
 Result<CloudFormat> cloud_format(const std::filesystem::path& path) {
   static constexpr struct {
     std::string_view extension;
@@ -16,10 +23,7 @@ Result<CloudFormat> cloud_format(const std::filesystem::path& path) {
   } formats[] = {{".ply", CloudFormat::ply},  {".pcd", CloudFormat::pcd},  {".xyz", CloudFormat::text},
                  {".txt", CloudFormat::text}, {".csv", CloudFormat::text}, {".npy", CloudFormat::npy},
                  {".obj", CloudFormat::obj},  {".off", CloudFormat::off},  {".stl", CloudFormat::stl}};
-  std::string extension = path.extension().native();
-  for (char& c : extension) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
+  const std::string extension = extension_of(path);
   for (const auto& [known, format] : formats) {
     if (extension == known) return format;
   }

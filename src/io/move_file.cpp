@@ -9,13 +9,6 @@
 namespace bitr::io {
 namespace {
 
-std::string extension_of(const std::filesystem::path& path) {
-  std::string extension = path.extension().native();
-  for (char& c : extension)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return extension;
-}
-
 Result<std::vector<std::byte>> moved_file(const std::filesystem::path& in, const std::filesystem::path& out,
                                           const Pose& T) {
   const auto format = cloud_format(in);

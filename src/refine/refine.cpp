@@ -317,12 +317,9 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
     check(options);
     if (pairs.size() != starts.size())
       refuse(std::to_string(starts.size()) + " starts for " + std::to_string(pairs.size()) + " pairs");
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::string which = pair_name(i, pairs.size());
-      require_surface(pairs[i].source, which + "source");
-      require_surface(pairs[i].reference, which + "reference");
-      if (!is_finite(starts[i])) refuse(which + "the start is not finite");
-    }
+    require_surfaces(pairs);
+    for (std::size_t i = 0; i < starts.size(); ++i)
+      if (!is_finite(starts[i])) refuse(pair_name(i, pairs.size()) + "the start is not finite");
     std::vector<Refinement> results(pairs.size());
     const auto refine_here = [&](std::size_t i, const Workers& workers) {
       Refiner refiner(pairs[i], starts[i], options, Extent::all, workers);
@@ -337,24 +334,14 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
           begin = refine_together(device, pairs, starts, options, begin, results);
       return results;
     }
-    // One pair on all threads, or every thread with pairs of its own.
-    const bool alone = pairs.size() < device.threads();
-    const Workers workers{alone ? &device.pool() : nullptr};
-    const auto run = [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) refine_here(i, workers);
-    };
-    if (alone)
-      run(0, pairs.size());
-    else
-      device.pool().parallel_for(pairs.size(), 1, run);
+    for_each_pair(device, pairs.size(), refine_here);
     return results;
   });
 }
 
 Result<double> refinement_score(const Device& device, const CloudPair& pair, const Pose& T_reference_source) {
   return guarded([&]() -> Result<double> {
-    require_surface(pair.source, "source");
-    require_surface(pair.reference, "reference");
+    require_surfaces({&pair, 1});
     if (!is_finite(T_reference_source)) refuse("the pose is not finite");
     const Workers workers{&device.pool()};
     Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);

@@ -28,6 +28,22 @@ std::vector<Vec3d> centred(const Vec3View& positions, const Vec3d& centroid) {
   return points;
 }
 
+void require_surface(const CloudView& cloud, const std::string& which) {
+  const auto refuse = [&](const std::string& why) {
+    throw Failure(ErrorCode::invalid_argument, which + ": " + why);
+  };
+  const Vec3View &positions = cloud.positions, &normals = cloud.normals;
+  if (positions.count < fewest_points)
+    refuse(std::to_string(positions.count) + " points; at least " + std::to_string(fewest_points) +
+           " are needed");
+  if (!normals.empty() && normals.count != positions.count)
+    refuse(std::to_string(normals.count) + " normals for " + std::to_string(positions.count) + " points");
+  for (std::size_t i = 0; i < positions.count; ++i)
+    if (!is_finite(positions[i])) refuse("point " + std::to_string(i) + " is not finite");
+  for (std::size_t i = 0; i < normals.count; ++i)
+    if (!is_finite(normals[i])) refuse("normal " + std::to_string(i) + " is not finite");
+}
+
 }  // namespace
 
 Surface::Surface(const CloudView& cloud)
@@ -46,24 +62,16 @@ std::size_t Surface::bytes() const {
   return (points.size() + normals.size()) * sizeof(Vec3d) + some.size() * sizeof(some[0]) + tree_bytes;
 }
 
-void require_surface(const CloudView& cloud, const std::string& which) {
-  const auto refuse = [&](const std::string& why) {
-    throw Failure(ErrorCode::invalid_argument, which + ": " + why);
-  };
-  const Vec3View &positions = cloud.positions, &normals = cloud.normals;
-  if (positions.count < fewest_points)
-    refuse(std::to_string(positions.count) + " points; at least " + std::to_string(fewest_points) +
-           " are needed");
-  if (!normals.empty() && normals.count != positions.count)
-    refuse(std::to_string(normals.count) + " normals for " + std::to_string(positions.count) + " points");
-  for (std::size_t i = 0; i < positions.count; ++i)
-    if (!is_finite(positions[i])) refuse("point " + std::to_string(i) + " is not finite");
-  for (std::size_t i = 0; i < normals.count; ++i)
-    if (!is_finite(normals[i])) refuse("normal " + std::to_string(i) + " is not finite");
-}
-
 std::string pair_name(std::size_t pair, std::size_t pairs) {
   return pairs > 1 ? "pair " + std::to_string(pair) + ": " : "";
+}
+
+void require_surfaces(std::span<const CloudPair> pairs) {
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const std::string which = pair_name(i, pairs.size());
+    require_surface(pairs[i].source, which + "source");
+    require_surface(pairs[i].reference, which + "reference");
+  }
 }
 
 void keep_common_normals(Surface& source, Surface& reference) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
 #include <bitr/pose.hpp>
 #include <cmath>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,8 +40,8 @@ struct Surface {
 };
 
 /// Throws `invalid_argument` for a cloud that is none: fewer than 3 points, numbers that are not finite,
-/// normals that are not one per point.
-void require_surface(const CloudView& cloud, const std::string& which);
+/// normals that are not one per point; the message names pair and cloud.
+void require_surfaces(std::span<const CloudPair> pairs);
 /// How a message begins that is about one of several pairs; empty when there is one.
 std::string pair_name(std::size_t pair, std::size_t pairs);
 

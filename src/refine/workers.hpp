@@ -1,6 +1,7 @@
 // The threads of a device, or the caller's own where those are busy with other pairs.
 #pragma once
 
+#include <bitr/device.hpp>
 #include <cstddef>
 #include <functional>
 
@@ -18,5 +19,20 @@ struct Workers {
     if (count > 0) body(0, count);
   }
 };
+
+/// body(pair, its workers) for every pair: one on all threads of the device, or every thread with pairs of
+/// its own.
+template <class Body>
+void for_each_pair(const Device& device, std::size_t pairs, const Body& body) {
+  const bool alone = pairs < device.threads();
+  const Workers workers{alone ? &device.pool() : nullptr};
+  const auto run = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(i, workers);
+  };
+  if (alone)
+    run(0, pairs);
+  else
+    device.pool().parallel_for(pairs, 1, run);
+}
 
 }  // namespace bitr::refine
