@@ -74,6 +74,10 @@ struct TrainOptions {
   /// The key points' logits are larger by this at the start: they spread instead of meeting at the centroid.
   /// Without `init` only.
   double key_logit_scale = 6;
+  /// The projections that end the extractor's layers are this times as large at the start. Features that grow
+  /// from layer to layer saturate its attention: gradients of 1e3 … 1e7, and most seeds learn nothing.
+  /// Without `init` only; 1: the official initialisation.
+  double feature_scale = 0.3;
   TrainLoss loss = TrainLoss::direct;
   std::size_t steps = 20'000;
   std::size_t batch = 8;       ///< pairs of one evaluation

@@ -54,6 +54,7 @@ void walk(Walker& w, TrainOptions& o) {
   w.count("seed", o.seed, 0, std::numeric_limits<std::uint64_t>::max());
   w.path("init", o.init);
   w.number("key_logit_scale", o.key_logit_scale, 1e-3, 1e3);
+  w.number("feature_scale", o.feature_scale, 1e-3, 1e3);
   w.word("loss", o.loss, losses);
   w.count("steps", o.steps, 1, most);
   w.count("batch", o.batch, 1, 4096);

@@ -19,6 +19,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr const char* key_logits = "feature_extract.key_layer.key_regress.project.1.transform.(0, 0)";
 
+bool ends_extractor_layer(const std::string& name) {
+  return name.starts_with("feature_extract.Gblock.") && name.find(".project.") != std::string::npos;
+}
+
 // Files that are only validated on are not divided.
 bool own_files(const TrainOptions& options, const std::vector<DataPart>& parts) {
   return std::none_of(parts.begin(), parts.end(), [&](const DataPart& part) {
@@ -57,6 +61,8 @@ model::Weights starting_weights(const TrainOptions& options) {
   value_or_throw(validate(options.model), "model: ");
   model::Weights weights = model::initial_weights(options.model, options.seed, options.mode);
   weights.parameters.at(key_logits) *= options.key_logit_scale;
+  for (auto& [name, matrix] : weights.parameters)
+    if (ends_extractor_layer(name)) matrix *= options.feature_scale;
   return weights;
 }
 

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <bitr/device.hpp>
 #include <bitr/io.hpp>
 #include <cmath>
 
@@ -72,6 +73,42 @@ TEST(Trainer, KeyLogitsAreScaledAtTheStart) {
     EXPECT_EQ(Eigen::MatrixXd(6 * matrix), scaled.parameters.at(name));
   }
   EXPECT_EQ(differing, 1);
+}
+
+TEST(Trainer, ExtractorsProjectionsAreScaledAtTheStart) {
+  TrainOptions options = small_options();
+  options.feature_scale = 0.25;
+  const model::Weights scaled = starting_weights(options);
+  options.feature_scale = 1;
+  const model::Weights plain = starting_weights(options);
+  int differing = 0;
+  for (const auto& [name, matrix] : plain.parameters) {
+    if (matrix == scaled.parameters.at(name)) continue;
+    ++differing;
+    EXPECT_TRUE(name.starts_with("feature_extract.Gblock.")) << name;
+    EXPECT_EQ(Eigen::MatrixXd(0.25 * matrix), scaled.parameters.at(name)) << name;
+  }
+  EXPECT_EQ(differing, 2 * (options.model.feature_num_layers + 1));  // of degrees 0 and 1
+}
+
+// A seed that learnt nothing at the official scale.
+TEST(Trainer, GradientsAtTheStartAreTame) {
+  const Device device = cpu_device(2);
+  for (const std::uint64_t seed : {1, 3, 5}) {
+    TrainOptions options;
+    options.seed = seed;
+    options.model.centroid_offset = true;
+    options.steps = 2;
+    options.batch = 4;
+    DataPart part;
+    part.kind = "aircraft";
+    options.data.parts = {part};
+    Made made = make(options);
+    const DataSet data = open_data(options, Split::train, options.data.parts, 0, seed);
+    const model::Weights weights = starting_weights(options);
+    Trainer trainer(options, weights, make_differentiator(device, weights), data, 1);
+    EXPECT_LT(trainer.step().gradient_norm, 50) << seed;
+  }
 }
 
 TEST(Trainer, GoesDownhill) {
