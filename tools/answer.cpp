@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "api/plan.hpp"
+#include "core/centroid.hpp"
 #include "cpu/thread_pool.hpp"
 #include "options.hpp"
 
@@ -43,7 +44,7 @@ Result<void> refine(const Device& device, std::span<const InputPair> pairs, cons
     if (answers[i].assembly.status != Status::failed) rows.push_back(i);
   if (!options.restriction.any()) return rows.empty() ? Result<void>() : refine_some(rows, *options.refine);
   for (const std::size_t i : rows) {
-    const Vec3d centroid = centroid_of(pairs[i].source.cloud);
+    const Vec3d centroid = centroid_of(pairs[i].source.cloud.positions);
     RefineOptions how = *options.refine;
     how.within = [&](const Pose& pose) { return restricted(options.restriction, pose, centroid).pose; };
     if (const auto refined = refine_some({i}, how); !refined) return refined;
@@ -70,11 +71,35 @@ Result<void> judge(const Device& device, std::span<const CloudPair> clouds,
   return {};
 }
 
+int answers_of(const AnswerChoice& choice) {
+  const bool usual = choice.judge_unless_told || choice.confidence || choice.strict;
+  return choice.answers.value_or(usual ? usual_answers : 0);
+}
+
 std::string value_text(double value) { return Json(std::round(value * 1e4) / 1e4).dump(); }
 
 }  // namespace
 
+CLI::Option* add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given) {
+  return app
+      .add_option(
+          "--answers", answers,
+          "Passes over random parts of the clouds, an even number: the network's pose is the mean of "
+          "all its answers, and how far they lie apart tells how sure it is; 0: one pass over the clouds")
+      ->type_name("N")
+      ->default_str(unless_given);
+}
+
+Result<void> check_answers(int answers) {
+  if (answers >= 0 && answers <= 100 && answers % 2 == 0) return {};
+  return fail(ErrorCode::invalid_argument,
+              "--answers " + std::to_string(answers) + ": is not an even number in 0 … 100");
+}
+
 void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_told) {
+  choice.judge_unless_told = judge_unless_told;
+  const std::string usual = std::to_string(usual_answers);
+  add_answers(app, choice.answers, judge_unless_told ? usual : "0, or " + usual + " with --confidence");
   add_choice<std::optional<RefineMethod>>(
       app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
       choice.refine.method,
@@ -89,8 +114,8 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
   app.add_flag_callback(
       judge_unless_told ? "--no-confidence" : "--confidence",
       [&choice, judge_unless_told] { choice.confidence = !judge_unless_told; },
-      judge_unless_told ? "Do not estimate how far the pose can be trusted, which takes eight more passes"
-                        : "Estimate how far each pose can be trusted, which takes eight more passes");
+      judge_unless_told ? "Do not estimate how far the pose can be trusted"
+                        : "Estimate how far each pose can be trusted");
   auto* strict = app.add_flag("--strict", choice.strict,
                               "Refuse a pose that is not determined, or has less confidence than "
                               "--least-confidence");
@@ -102,7 +127,8 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
 }
 
 Json to_json(const AnswerChoice& choice) {
-  Json json = {{"confidence", choice.confidence || choice.strict},
+  Json json = {{"answers", answers_of(choice)},
+               {"confidence", choice.confidence || choice.strict},
                {"least_confidence", choice.strict ? Json(choice.least_confidence) : Json(nullptr)},
                {"refine", choice.refine.method ? Json(name(*choice.refine.method)) : Json(nullptr)}};
   if (choice.refine.method) {
@@ -121,7 +147,11 @@ Result<AnswerOptions> answer_options(const AnswerChoice& choice) {
                 "--least-confidence " + Json(choice.least_confidence).dump() + ": is not in 0 … 1");
   auto refine = refine_options(choice.refine, RefineProtocol::adaptive);
   if (!refine) return tl::unexpected(refine.error());
-  AnswerOptions options{.restriction = choice.restriction, .confidence = choice.confidence || choice.strict};
+  if (const auto checked = check_answers(answers_of(choice)); !checked)
+    return tl::unexpected(checked.error());
+  AnswerOptions options{.answers = answers_of(choice),
+                        .restriction = choice.restriction,
+                        .confidence = choice.confidence || choice.strict};
   if (choice.refine.method) options.refine = std::move(*refine);
   return options;
 }
@@ -135,8 +165,8 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
                               .swap_residual = options.swap_residual});
   if (!assemblies) return tl::unexpected(assemblies.error());
   std::vector<std::optional<NetworkEvidence>> evidence(pairs.size());
-  if (options.confidence && !options.complete_match) {
-    auto found = resample(plan, clouds, *assemblies);
+  if (options.answers > 0 && !options.complete_match) {
+    auto found = resample(plan, clouds, *assemblies, {.answers = options.answers});
     if (!found) return tl::unexpected(found.error());
     evidence = std::move(*found);
   }
@@ -144,13 +174,18 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
   std::vector<Answer> answers;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     Answer answer{std::move((*assemblies)[i])};
-    if (options.restriction.any() && answer.assembly.status != Status::failed) {
-      answer.restricted =
-          restrict_assembly(options.restriction, centroid_of(pairs[i].source.cloud), answer.assembly);
+    const bool failed = answer.assembly.status == Status::failed;
+    if (evidence[i]) {
+      answer.assembly.T_reference_source = evidence[i]->T_reference_source;
+      answer.answers += options.answers;
+    }
+    if (options.restriction.any() && !failed)
+      answer.restricted = restrict_assembly(options.restriction, centroid_of(pairs[i].source.cloud.positions),
+                                            answer.assembly);
+    if (evidence[i]) evidence[i]->T_reference_source = answer.assembly.T_reference_source;
+    if (evidence[i] || answer.restricted)
       measure_overlap(clouds[i], answer.assembly.T_reference_source, plan.device().pool(),
                       answer.assembly.diagnostics);
-      if (evidence[i]) evidence[i]->T_reference_source = answer.assembly.T_reference_source;
-    }
     answers.push_back(std::move(answer));
   }
   if (options.refine)

@@ -1,4 +1,5 @@
-// From clouds to an answer that can be acted on: the network's pose, restricted, refined and judged as asked.
+// From clouds to an answer that can be acted on: the mean of the network's poses, restricted, refined and
+// judged as asked.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,13 +20,22 @@ namespace bitr::tool {
 struct AnswerChoice {
   RefineChoice refine;
   Restriction restriction;
+  std::optional<int> answers;  ///< for parts of the clouds; by `judge_unless_told` unless given
+  bool judge_unless_told = false;
   bool confidence = false;
   bool strict = false;
   double least_confidence = 0.5;
 };
 
-/// --refine and its options, --translation-only, --yaw-only, --strict, --least-confidence, and the flag that
-/// turns judging on where it is off, or off where it is on.
+/// For parts of the clouds, unless told otherwise: as many as confidence was calibrated with.
+inline constexpr int usual_answers = ResampleOptions().answers;
+/// --answers, for any command.
+CLI::Option* add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given);
+/// `invalid_argument` when resample() cannot be asked for so many; 0 is allowed.
+Result<void> check_answers(int answers);
+
+/// --answers, --refine and its options, --translation-only, --yaw-only, --strict, --least-confidence, and the
+/// flag that turns judging on where it is off, or off where it is on.
 void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_told);
 /// What answers depend on beside the network, for settings.
 Json to_json(const AnswerChoice& choice);
@@ -34,6 +44,7 @@ Json to_json(const AnswerChoice& choice);
 struct AnswerOptions {
   bool complete_match = false;
   bool swap_residual = false;  ///< see AssembleOptions
+  int answers = 0;             ///< for parts of the clouds; the pose is the mean of all
   Restriction restriction = {};
   std::optional<RefineOptions> refine = {};
   bool confidence = false;
@@ -43,6 +54,7 @@ Result<AnswerOptions> answer_options(const AnswerChoice& choice);
 
 struct Answer {
   Assembly assembly;  ///< its pose is the last one
+  int answers = 1;    ///< whose mean the network's pose is
   std::optional<Restricted> restricted = {};
   std::optional<Refinement> refinement = {};
   std::optional<Confidence> confidence = {};  ///< 0 where the pose is not determined

@@ -71,6 +71,9 @@ void print(const AssemblyReport& report, std::FILE* out) {
                mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
                plan.options().as_defined ? ", as defined" : "",
                report.complete_match ? ", complete match" : "");
+  if (report.answer.answers > 1)
+    std::fprintf(out, "answers     mean of %d, for the clouds and for parts of them\n",
+                 report.answer.answers);
   if (report.answer.restricted)
     std::fprintf(out, "restricted  to %s\n", describe(*report.answer.restricted).c_str());
   print_diagnostics(report, out);
@@ -108,6 +111,7 @@ Json to_json(const AssemblyReport& report) {
        {"key_points",
         {{"source", report.answer.assembly.source_key_points},
          {"reference", report.answer.assembly.reference_key_points}}},
+       {"answers", report.answer.answers},
        {"restriction", report.answer.restricted ? to_json(*report.answer.restricted) : Json(nullptr)},
        {"diagnostics", diagnostics_json(report.answer.assembly)},
        {"confidence", report.answer.confidence ? to_json(*report.answer.confidence) : Json(nullptr)},

@@ -7,6 +7,7 @@
 #include <bitr/train.hpp>
 #include <memory>
 
+#include "answer.hpp"
 #include "command.hpp"
 #include "core/finite.hpp"
 #include "cpu/thread_pool.hpp"
@@ -34,6 +35,7 @@ struct Options {
   std::uint64_t shapes = 10'000, samples = 0, seed = 0, batch = 8;
   double noise = 0.01;
   bool same_points = false, confidence = false;
+  std::optional<int> answers;
   std::optional<double> keep;
   DeviceChoice device;
 };
@@ -112,6 +114,7 @@ Result<std::vector<Setting>> choose_settings(Options& options) {
 Result<void> check_options(const Options& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
     return wrong("--keep " + Json(*options.keep).dump() + ": is not above 0 and up to 1");
+  if (const auto checked = check_answers(options.answers.value_or(usual_answers)); !checked) return checked;
   for (const double share : options.shares)
     if (!(share > 0 && share <= 1))
       return wrong("--share " + Json(share).dump() + ": is not above 0 and up to 1");
@@ -202,9 +205,9 @@ void add_once(std::vector<Follow>& list, Follow follow) {
 
 Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
                     std::span<const std::optional<NetworkEvidence>> evidence, std::size_t first,
-                    const Estimation& how) {
+                    const Estimation& how, bool judge) {
   std::vector<Confidence> judged;
-  if (how.confidence) {
+  if (judge) {
     auto found = judge_poses(how.device, pairs_of(batch), poses, evidence);
     if (!found) return tl::unexpected(found.error());
     judged = std::move(*found);
@@ -212,7 +215,7 @@ Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const s
   for (std::size_t i = 0; i < batch.size(); ++i) {
     rows.pairs.push_back(
         {batch[i].shape, first + i, batch[i].overlap, errors_of(poses[i], batch[i]), poses[i]});
-    if (how.confidence) rows.pairs.back().confidence = std::move(judged[i]);
+    if (judge) rows.pairs.back().confidence = std::move(judged[i]);
   }
   return {};
 }
@@ -230,7 +233,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
     for (const Follow follow : method.refined)
       result.methods.push_back({method.name + "+" + std::string(name(follow)), {}});
   }
-  const Estimation how{device, options.methods.mode, setting.keep, options.confidence};
+  const Estimation how{device, options.methods.mode, setting.keep, options.answers.value_or(usual_answers)};
   for (std::size_t first = 0; first < options.samples; first += options.batch) {
     const auto batch =
         draw(data, first, std::min<std::size_t>(options.batch, options.samples - first), device);
@@ -246,7 +249,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
       if (!found) return failed(found.error(), method.name);
       const auto add = [&](const std::vector<Pose>& poses, double milliseconds) {
         result.methods[row].milliseconds += milliseconds;
-        return record(result.methods[row++], *batch, poses, found->evidence, first, how);
+        return record(result.methods[row++], *batch, poses, found->evidence, first, how, options.confidence);
       };
       if (method.plain)
         if (const auto added = add(found->poses, estimated); !added)
@@ -288,6 +291,7 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
             {"same_points", options.same_points}};
   json.update({{"samples", options.samples},
                {"seed", options.seed},
+               {"answers", options.answers.value_or(usual_answers)},
                {"models", models},
                {"backend", name(device.backend())},
                {"device", device.name()}});
@@ -440,6 +444,7 @@ Command add_eval(CLI::App& root) {
       ->type_name("NAME,…");
   app->add_flag_callback(
       "--icp", [options] { add_once(options->methods.refined, Follow::icp); }, "The same as --refine icp");
+  add_answers(*app, options->answers, std::to_string(usual_answers));
   app->add_flag("--confidence", options->confidence,
                 "Also judge every pose, and say how well that told right from wrong");
   app->add_option(

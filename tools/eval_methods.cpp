@@ -86,12 +86,12 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
       assemble(*method.plan, pairs, {.complete_match = method.file.empty(), .diagnostics = false});
   if (!assemblies) return tl::unexpected(assemblies.error());
   for (const Assembly& assembly : *assemblies) estimate.poses.push_back(assembly.T_reference_source);
-  if (how.confidence && !method.file.empty()) {
-    const Stopwatch judging;
-    auto evidence = resample(*method.plan, pairs, *assemblies);
+  if (how.answers > 0 && !method.file.empty()) {
+    auto evidence = resample(*method.plan, pairs, *assemblies, {.answers = how.answers});
     if (!evidence) return tl::unexpected(evidence.error());
     estimate.evidence = std::move(*evidence);
-    estimate.beside_milliseconds += judging.milliseconds();
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      if (estimate.evidence[i]) estimate.poses[i] = estimate.evidence[i]->T_reference_source;
   }
   return estimate;
 }

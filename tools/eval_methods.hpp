@@ -53,15 +53,15 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice);
 struct Estimation {
   const Device& device;
   std::optional<Mode> mode;
-  double keep;      ///< of trimmed ICP, as in refine::IcpOptions
-  bool confidence;  ///< resample what a trained network says
+  double keep;  ///< of trimmed ICP, as in refine::IcpOptions
+  int answers;  ///< of a trained network for parts of the clouds, see resample()
 };
 
 /// T_reference_source of every sample.
 struct Estimate {
   std::vector<Pose> poses;
-  std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::confidence; else empty
-  double beside_milliseconds = 0;                             ///< that making a plan and this evidence took
+  std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::answers; else empty
+  double beside_milliseconds = 0;                             ///< that making a plan took
 };
 Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);
 std::vector<CloudPair> pairs_of(std::span<const DataSample> batch);

@@ -4,6 +4,7 @@
 
 #include "api/plan.hpp"
 #include "confidence/evidence.hpp"
+#include "core/centroid.hpp"
 #include "core/random.hpp"
 #include "generate/pairs.hpp"
 #include "manifest.hpp"
@@ -56,7 +57,7 @@ DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t
   const CloudPair as_given = {sample.source, sample.reference};
   sample.overlap = confidence::evidence_of_fit(as_given, known.T_reference_source, {}).overlap;
   Pose T_source_object;
-  T_source_object.translation = centroid_of(sample.source);
+  T_source_object.translation = centroid_of(sample.source.positions);
   const Pose source_motion = generate::random_pose(diagonal(sample.source.positions), random),
              reference_motion = generate::random_pose(diagonal(sample.reference.positions), random);
   generate::move(sample.source, source_motion);

@@ -5,6 +5,7 @@
 
 #include "cloud_input.hpp"
 #include "command.hpp"
+#include "core/centroid.hpp"
 #include "device_choice.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
@@ -93,7 +94,7 @@ int run(const Options& options) {
   const auto reference = read(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
 
-  const Vec3d centroid = centroid_of(*source);
+  const Vec3d centroid = centroid_of(source->positions);
   std::optional<Restricted> end;
   if (options.restriction.any()) {
     end = restricted(options.restriction, start, centroid);

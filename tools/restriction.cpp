@@ -76,16 +76,6 @@ void follow(const Pose& pose, const Vec3d& source_centroid, Restricted& restrict
   restricted.turn_degrees = tool::restricted(restricted.restriction, pose, source_centroid).turn_degrees;
 }
 
-Vec3d centroid_of(const PointCloud& cloud) {
-  Vec3d centroid{};
-  double count = 0;
-  for (const Vec3d& point : cloud.positions) {
-    ++count;
-    for (int a = 0; a < 3; ++a) centroid[a] += (point[a] - centroid[a]) / count;
-  }
-  return centroid;
-}
-
 Restricted restrict_assembly(const Restriction& restriction, const Vec3d& source_centroid,
                              Assembly& assembly) {
   Restricted result = restricted(restriction, assembly.T_reference_source, source_centroid);

@@ -37,7 +37,6 @@ struct Restricted {
 Restricted restricted(const Restriction& restriction, const Pose& pose, const Vec3d& source_centroid);
 /// Takes up what became of the pose within its family: the margin stays that of what was restricted.
 void follow(const Pose& pose, const Vec3d& source_centroid, Restricted& restricted);
-Vec3d centroid_of(const PointCloud& cloud);
 
 /// The same of an assembly's pose: where the turn is not determined the assembly is degenerate. Nothing else
 /// of its diagnostics changes.

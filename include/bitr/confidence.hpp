@@ -14,27 +14,30 @@
 
 namespace bitr {
 
-/// What a network's answers tell about themselves.
+/// What a network says of the clouds and of random parts of them, taken together.
 struct NetworkEvidence {
-  Pose T_reference_source;  ///< its answer
-  double rotation_gap = 0;  ///< of that: see Diagnostics
-  /// Median angle in degrees between the answer and those on random parts of the clouds.
-  double spread = 0;
+  /// Mean of its answers: nearer the truth than the answer for the clouds as they are (docs/confidence.md).
+  /// Rotations count by their gaps; the translation brings the clouds' centroids where the answers do on
+  /// average, in both directions alike. So it turns with the clouds, and swapping them inverts it.
+  Pose T_reference_source;
+  double rotation_gap = 0;  ///< of the answer for the clouds as they are: see Diagnostics
+  double spread = 0;        ///< median angle in degrees between that answer and those for the parts
 };
 
 struct ResampleOptions {
-  int answers = 8;         ///< on parts of the clouds, 1 … 100
-  double share = 0.7;      ///< of a cloud's points in a part, above 0 and below 1
+  int answers = 8;         ///< for parts of the clouds, an even number in 2 … 100
+  double share = 0.9;      ///< of a cloud's points in a part, above 0 and below 1
   std::uint64_t seed = 0;  ///< of the parts
 };
 
 /// Larger parts than this tell no more.
 inline constexpr std::size_t most_resampled = 2048;
 
-/// Runs the plan again on parts of the clouds: min(share · N, most_resampled) points, but no fewer than the
-/// model needs. Empty for a pair whose assembly failed or whose clouds are too small for that. `assemblies`
-/// are the plan's answers for the pairs, without complete matching, which needs the same points in both
-/// clouds. Errors as of assemble(), and `invalid_argument` for an option out of its range.
+/// Runs the plan again on parts of the clouds: share · N points, but within what the model was trained on
+/// where the clouds allow that, at most 0.95 N and most_resampled. Empty for a pair whose assembly failed or
+/// whose clouds have hardly more points than the model needs. `assemblies` are the plan's answers for the
+/// pairs, without complete matching, which needs the same points in both clouds. Errors as of assemble(), and
+/// `invalid_argument` for an option out of its range.
 Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::span<const CloudPair> pairs,
                                                              std::span<const Assembly> assemblies,
                                                              const ResampleOptions& options = {});

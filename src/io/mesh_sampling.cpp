@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "core/random.hpp"
+#include "core/select_rows.hpp"
 #include "io/complaint.hpp"
 #include "io/formats.hpp"
 
@@ -125,24 +126,14 @@ Result<PointCloud> sample_mesh(const Mesh& mesh, std::size_t count, std::uint64_
 
 PointCloud subsample(const CloudView& cloud, std::size_t count, std::uint64_t seed) {
   const std::size_t points = cloud.positions.count;
-  const bool normals = cloud.normals.count == points, colors = cloud.colors.count == points;
   count = std::min(count, points);
-  PointCloud out;
-  out.positions.reserve(count);
-  if (normals) out.normals.reserve(count);
-  if (colors) out.colors.reserve(count);
-  const auto narrowed = [](const Vec3d& row) {
-    return Vec3f{static_cast<float>(row[0]), static_cast<float>(row[1]), static_cast<float>(row[2])};
-  };
+  std::vector<std::size_t> rows;
+  rows.reserve(count);
   // Selection sampling: a point's chance is what makes every subset of `count` points equally likely.
   Random random(seed);
-  for (std::size_t i = 0; out.size() < count; ++i) {
-    if (random.below(points - i) >= count - out.size()) continue;
-    out.positions.push_back(cloud.positions[i]);
-    if (normals) out.normals.push_back(narrowed(cloud.normals[i]));
-    if (colors) out.colors.push_back(narrowed(cloud.colors[i]));
-  }
-  return out;
+  for (std::size_t i = 0; rows.size() < count; ++i)
+    if (random.below(points - i) < count - rows.size()) rows.push_back(i);
+  return select_rows(cloud, rows);
 }
 
 }  // namespace bitr::io

@@ -1,5 +1,6 @@
 #include "refine/surface.hpp"
 
+#include "core/centroid.hpp"
 #include "core/failure.hpp"
 #include "core/finite.hpp"
 #include "refine/spacing.hpp"
@@ -8,18 +9,6 @@ namespace bitr::refine {
 namespace {
 
 constexpr std::size_t fewest_points = 3;
-
-Vec3d mean(const Vec3View& positions) {
-  // About the first point, so that large coordinates keep their digits.
-  const Vec3d first = positions[0];
-  Vec3d sum{};
-  for (std::size_t i = 0; i < positions.count; ++i) {
-    const Vec3d point = positions[i];
-    for (int a = 0; a < 3; ++a) sum[a] += point[a] - first[a];
-  }
-  for (int a = 0; a < 3; ++a) sum[a] = first[a] + sum[a] / static_cast<double>(positions.count);
-  return sum;
-}
 
 std::vector<Vec3d> centred(const Vec3View& positions, const Vec3d& centroid) {
   std::vector<Vec3d> points = points_of(positions);
@@ -47,7 +36,7 @@ void require_surface(const CloudView& cloud, const std::string& which) {
 }  // namespace
 
 Surface::Surface(const CloudView& cloud)
-    : centroid(mean(cloud.positions)),
+    : centroid(centroid_of(cloud.positions)),
       points(centred(cloud.positions, centroid)),
       normals(points_of(cloud.normals)),
       tree(3, rows, {10}),

@@ -274,6 +274,38 @@ TEST_F(Assemble, SaysHowFarThePoseCanBeTrusted) {
   EXPECT_EQ(read_json(again)["transform"], read_json(first)["transform"]);
 }
 
+TEST_F(Assemble, PoseIsTheMeanOfSeveralAnswers) {
+  const PairFiles pair = generate_files(folder, "aircraft", "600", "4");
+  const auto result = [&](std::vector<std::string> options) {
+    const std::string json = folder.path("answers.json");
+    options.insert(options.end(), {"--backend", "cpu", "--no-confidence", "--json", json});
+    EXPECT_EQ(run(pair, options).status, 0);
+    return read_json(json);
+  };
+  const auto usual = result({}), one = result({"--answers", "0"}), few = result({"--answers", "2"});
+  EXPECT_EQ(usual["answers"], 9);
+  EXPECT_EQ(few["answers"], 3);
+  EXPECT_EQ(one["answers"], 1);
+  EXPECT_EQ(result({"--complete-match"})["answers"], 1);
+  EXPECT_NE(few["transform"], usual["transform"]);
+  EXPECT_LT(rotation_error_degrees(pose_of(usual["transform"]), pose_of(one["transform"])), 20);
+  // The rest tells of the clouds as they are.
+  EXPECT_EQ(usual["diagnostics"]["rotation_gap"], one["diagnostics"]["rotation_gap"]);
+
+  // Swapped clouds have the inverse pose.
+  const std::string json = folder.path("swapped.json");
+  ASSERT_EQ(run({pair.reference, pair.source, {}}, {"--backend", "cpu", "--json", json}).status, 0);
+  const Pose swapped = pose_of(read_json(json)["transform"]);
+  EXPECT_LT(rotation_error_degrees(swapped.inverse(), pose_of(usual["transform"])), 0.05);
+  EXPECT_LT(translation_error(swapped.inverse(), pose_of(usual["transform"])), 1e-3);
+
+  for (const std::string odd : {"7", "-2", "102"}) {
+    const Finished wrong = run(pair, {"--answers=" + odd});
+    EXPECT_EQ(wrong.status, 2);
+    EXPECT_THAT(wrong.err, HasSubstr("--answers " + odd + ": is not an even number in 0 … 100"));
+  }
+}
+
 TEST_F(Assemble, StrictRefusesLittleConfidence) {
   // A nose and somebody else's tail have nothing to do with each other.
   const PairFiles one = generate_files(folder, "copy", "400", "4"),
