@@ -26,6 +26,7 @@ vec3 load(uint at) { return vec3(reduced[at][0], reduced[at + 1][0], reduced[at 
 void main() {
   const uint cloud = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
   const uint begin = offsets[cloud], end = offsets[cloud + 1];
+  if (begin == end) return;
   const vec3 first = points[begin].xyz;
   vec3 low = vec3(0), high = vec3(0), sum = vec3(0), squares = vec3(0);
   for (uint row = begin + lane; row < end; row += LANES) {

@@ -19,6 +19,7 @@ shared uint totals[LANES];
 
 void main() {
   const uint cloud = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
+  if (offsets[cloud] == offsets[cloud + 1]) return;  // without cells of its own
   const Grid grid = stored_grid(grids[2 * cloud], grids[2 * cloud + 1]);
   const uint count = 1u << (3 * grid.bits);
   const uint share = (count + LANES - 1) / LANES;
