@@ -106,6 +106,14 @@ void add_run_options(CLI::App& app, RunOptions& options) {
       ->default_str("f32");
   app.add_flag("--as-defined", options.plan.as_defined,
                "Evaluate the network exactly as it is defined, nothing folded: slow, on the CPU only");
+  add_choice<NeighborSearch>(app, "--neighbors",
+                             {{"auto", NeighborSearch::automatic},
+                              {"brute-force", NeighborSearch::brute_force},
+                              {"tree", NeighborSearch::tree}},
+                             options.plan.neighbors,
+                             "How a point's neighbours are looked for, by the cloud's size unless given; "
+                             "the result is the same")
+      ->default_str("auto");
   app.add_option("--profile", options.profile,
                  "Write when each operation ran, as a trace for ui.perfetto.dev or chrome://tracing")
       ->type_name("FILE.trace.json");

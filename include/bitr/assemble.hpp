@@ -5,6 +5,7 @@
 #include <bitr/cloud.hpp>
 #include <bitr/device.hpp>
 #include <bitr/model.hpp>
+#include <bitr/neighbor_search.hpp>
 #include <bitr/pose.hpp>
 #include <bitr/result.hpp>
 #include <cstddef>
@@ -29,6 +30,7 @@ struct PlanOptions {
   Precision precision = Precision::f32;
   std::optional<Mode> mode = {};  ///< overrides the model's
   bool as_defined = false;  ///< evaluate the network as the paper states it, nothing folded: slow, the truth
+  NeighborSearch neighbors = NeighborSearch::automatic;  ///< of points in their cloud; the poses are the same
 };
 
 /// What a plan can hold at once: pairs, and the points of all their clouds together.

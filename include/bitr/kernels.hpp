@@ -15,6 +15,7 @@
 #pragma once
 
 #include <bitr/device.hpp>
+#include <bitr/neighbor_search.hpp>
 #include <bitr/result.hpp>
 #include <concepts>
 #include <cstddef>
@@ -48,8 +49,9 @@ class KeptKernel {
 // ---- Nearest neighbours
 
 struct KnnShape {
-  int k = 24;   ///< neighbours of a point, 1 … 64
-  int dim = 3;  ///< coordinates of a point, 1 … 8
+  int k = 24;                                         ///< neighbours of a point, 1 … 64
+  int dim = 3;                                        ///< coordinates of a point, 1 … 8
+  NeighborSearch search = NeighborSearch::automatic;  ///< of points among themselves, where dim is 3
 };
 
 /// Points in segments that never see each other (clouds of a batch): segment s owns rows

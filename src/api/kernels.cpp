@@ -141,7 +141,7 @@ std::vector<graph::Graph> graphs_of(const KnnShape& shape) {
   const auto references = add(asked, "references", Rows::point, 1, shape.dim);
   const auto queries = add(asked, "queries", Rows::key, 1, shape.dim);
   const auto index = add_index(own, Rows::point, shape.k), found = add_index(asked, Rows::key, shape.k);
-  const ops::Knn op{.k = shape.k, .dim = shape.dim, .exclude_self = true};
+  const ops::Knn op{.k = shape.k, .dim = shape.dim, .exclude_self = true, .search = shape.search};
   return {finished(std::move(own), op, {points, points}, index),
           finished(std::move(asked), ops::Knn{.k = op.k, .dim = op.dim, .exclude_self = false},
                    {queries, references}, found)};

@@ -20,6 +20,8 @@ Result<std::unique_ptr<Runner>> make_runner(const Device& device, const Model& m
   if (vulkan && options.as_defined) return refuse("the network as defined, unfolded,");
   const graph::Graph whole = model::build_graph(model.weights(), options.mode.value_or(model.mode()));
   graph::Graph graph = options.as_defined ? model::expand(whole) : model::fold(whole);
+  for (graph::Node& node : graph.nodes)
+    if (auto* knn = std::get_if<ops::Knn>(&node.op)) knn->search = options.neighbors;
   if (std::string fault = graph::check_executable(graph); !fault.empty())
     return fail(ErrorCode::internal, fault);
   if (!vulkan) return make_cpu_runner(std::move(graph), options.precision, retain);

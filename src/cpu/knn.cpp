@@ -241,7 +241,7 @@ class KnnKernel : public Kernel<T> {
               std::size_t count, std::uint32_t base, std::uint32_t* out) const {
     constexpr std::size_t none = std::numeric_limits<std::uint32_t>::max();
     const auto self = [&](std::size_t q) { return op_.exclude_self ? q : none; };
-    if (op_.dim != 3 || count <= brute_force_limit || query_count * 64 < count) {
+    if (!wants_tree(query_count, count)) {
       const Coordinates<T> points(references, count, op_.dim);
       pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64),
                         [&](std::size_t q0, std::size_t q1) {
@@ -266,6 +266,12 @@ class KnnKernel : public Kernel<T> {
                           write_nearest(nearest.found(), op_, base, out + q * op_.k);
                         }
                       });
+  }
+  bool wants_tree(std::size_t queries, std::size_t references) const {
+    if (op_.dim != 3) return false;
+    if (op_.exclude_self && op_.search != NeighborSearch::automatic)
+      return op_.search == NeighborSearch::tree;
+    return references > brute_force_limit && queries * 64 >= references;
   }
 
   const ops::Knn op_;

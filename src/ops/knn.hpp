@@ -5,6 +5,8 @@
 // references holds more than k · dilation rows (k · dilation when the query is not among them).
 #pragma once
 
+#include <bitr/neighbor_search.hpp>
+
 namespace bitr::ops {
 
 struct Knn {
@@ -12,6 +14,7 @@ struct Knn {
   int dilation = 1;          ///< of the nearest k · dilation, every so many, the last included
   int dim = 3;               ///< 3, or 6 for pairs of key points
   bool exclude_self = true;  ///< query row i is reference row i and never its own neighbour
+  NeighborSearch search = NeighborSearch::automatic;  ///< of 3-D points among themselves
 };
 
 }  // namespace bitr::ops

@@ -82,8 +82,9 @@ class KnnKernel : public Kernel {
   }
   std::size_t nearest() const { return static_cast<std::size_t>(op_.k * op_.dilation); }
   bool wants_tree(const graph::BatchLayout& layout) const {
-    return op_.exclude_self && op_.dim == 3 && queries_ == graph::Rows::point &&
-           largest_segment(layout) >= tree_points;
+    if (!op_.exclude_self || op_.dim != 3 || queries_ != graph::Rows::point) return false;
+    if (op_.search != NeighborSearch::automatic) return op_.search == NeighborSearch::tree;
+    return largest_segment(layout) >= tree_points;
   }
   std::size_t largest_segment(const graph::BatchLayout& layout) const {
     std::size_t largest = 0;

@@ -77,6 +77,17 @@ TEST_F(Batch, FindsThePosesThatAssembleFinds) {
   }
 }
 
+TEST_F(Batch, SearchesNeighboursAsAskedToTheSameBytes) {
+  const Folder plain, tree;
+  ASSERT_EQ(run_command(batch(manifest_, plain.path())).status, 0);
+  ASSERT_EQ(run_command(batch(manifest_, tree.path(), {"--neighbors", "tree"})).status, 0);
+  EXPECT_EQ(read_text(results(tree)), read_text(results(plain)));
+  // So that a run may go on another way.
+  const Finished again =
+      run_command(batch(manifest_, tree.path(), {"--resume", "--neighbors", "brute-force"}));
+  EXPECT_EQ(again.status, 0) << again.err;
+}
+
 TEST_F(Batch, ReadsTablesAndPosesInPlace) {
   std::string table = "source, reference, truth\r\n", text;
   for (int i = 0; i < count; ++i) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bitr/pose.hpp>
 
 #include "run_command.hpp"
@@ -19,6 +20,11 @@ nlohmann::json devices(const Words& environment = {}) {
   const Finished finished = run_command({"devices", "--json"}, environment);
   EXPECT_EQ(finished.status, 0) << finished.err;
   return nlohmann::json::parse(finished.out, nullptr, false);
+}
+
+bool has_vulkan() {
+  const auto json = devices();
+  return std::ranges::any_of(json["devices"], [](const auto& device) { return device["usable"]; });
 }
 
 void expect_refused(const Finished& finished, const std::string& says) {
@@ -42,10 +48,7 @@ class Device : public testing::Test {
 class VulkanDevice : public Device {
  protected:
   void SetUp() override {
-    const auto json = devices();
-    for (const auto& device : json["devices"])
-      if (device["usable"]) return;
-    GTEST_SKIP() << "no Vulkan device";
+    if (!has_vulkan()) GTEST_SKIP() << "no Vulkan device";
   }
 };
 
@@ -151,6 +154,23 @@ TEST_F(VulkanDevice, PoseIsTheCpus) {
   EXPECT_LE(rotation_error_degrees(pose("vulkan"), pose("cpu")), 0.05);
 }
 
+TEST_F(Device, NeighboursAreTheSameHoweverTheyAreSearched) {
+  for (const std::string backend : {"cpu", "vulkan"}) {
+    if (backend == "vulkan" && !has_vulkan()) continue;
+    const auto pose = [&](const Words& options) {
+      Words words = {"--backend", backend, "--json", "-"};
+      words.insert(words.end(), options.begin(), options.end());
+      const Finished finished = assemble(words);
+      EXPECT_EQ(finished.status, 0) << finished.err;
+      return nlohmann::json::parse(finished.out)["transform"];
+    };
+    const auto expected = pose({});
+    EXPECT_EQ(pose({"--neighbors", "brute-force"}), expected) << backend;
+    EXPECT_EQ(pose({"--neighbors", "tree"}), expected) << backend;
+  }
+  expect_refused(assemble({"--neighbors", "octree"}), "\"octree\" is not one of auto|brute-force|tree");
+}
+
 TEST_F(VulkanDevice, VerifyComparesEveryStage) {
   const Finished finished = assemble({"--backend", "vulkan", "--verify"});
   EXPECT_EQ(finished.status, 0) << finished.out << finished.err;
@@ -170,6 +190,21 @@ TEST_F(VulkanDevice, BenchCountsWhatThePlanAsksOfTheDevice) {
   EXPECT_GE(json["submissions"], 1);
   EXPECT_GT(json["arena_bytes"], 0);
   EXPECT_GT(read_json(trace)["traceEvents"].size(), 10u);
+}
+
+TEST_F(VulkanDevice, NeighboursAreSearchedAsAsked) {
+  const auto bench = [](const Words& options) {
+    Words words = {"bench", "--model-forward", "--points", "64", "--repeats", "1", "--backend", "vulkan"};
+    words.insert(words.end(), {"--json", "-"});
+    words.insert(words.end(), options.begin(), options.end());
+    const Finished finished = run_command(words);
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    return nlohmann::json::parse(finished.out)["dispatches"].get<int>();
+  };
+  const int brute_force = bench({"--neighbors", "brute-force"});
+  EXPECT_EQ(bench({}), brute_force);
+  EXPECT_EQ(bench({"--neighbors", "auto"}), brute_force);
+  EXPECT_GT(bench({"--neighbors", "tree"}), brute_force);
 }
 
 TEST_F(VulkanDevice, DoctorPasses) {

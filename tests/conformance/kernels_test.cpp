@@ -78,6 +78,9 @@ class Cases : public testing::Test {
     const std::vector<T> all = points(offsets.back(), dim, lattice);
     const Index index = value_of(knn<T>(device(), {.k = k, .dim = dim}, {all, offsets}));
     check_neighbours(index, all, offsets, all, offsets, true, k, dim, step);
+    if (step > 1) return;  // many points
+    for (const NeighborSearch search : {NeighborSearch::brute_force, NeighborSearch::tree})
+      EXPECT_EQ(value_of(knn<T>(device(), {.k = k, .dim = dim, .search = search}, {all, offsets})), index);
   }
   void check_queries(int k, int dim, const Sizes& query_sizes, const Sizes& sizes, int lattice) {
     const Sizes offsets = offsets_of(sizes), query_offsets = offsets_of(query_sizes);
@@ -401,6 +404,7 @@ TYPED_TEST(Kernels, RowsAreIndependent) {
 TYPED_TEST(Kernels, NothingInNothingOut) {
   using T = typename TypeParam::Number;
   EXPECT_EQ(value_of(knn<T>(this->device(), {.k = 3}, {})), Index());
+  EXPECT_EQ(value_of(knn<T>(this->device(), {.k = 3, .search = NeighborSearch::tree}, {})), Index());
   EXPECT_EQ(value_of(cg_product<T>(this->device(), {.a = {1}, .b = {1}, .out = {1}}, {})), std::vector<T>());
   EXPECT_EQ(value_of(attention<T>(this->device(), {}, {})), std::vector<T>());
 }

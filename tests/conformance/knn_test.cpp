@@ -67,6 +67,30 @@ class KnnCase {
     check<float>(op, queries, references, lattice, step);
     check<double>(op, queries, references, lattice, step);
   }
+  // Either search, asked for, is what is found without asking.
+  void check_searches(ops::Knn op, int lattice) {
+    Random random(layout_.rows(Rows::point) + op.k);
+    OpTensor points{Rows::point, 1, 3, false, random_points(random, layout_.rows(Rows::point), 3, lattice),
+                    {}};
+    const OpTensor index{Rows::point, op.k, 1, true, {}, {}};
+    const auto by = [&](NeighborSearch search, auto run) {
+      op.search = search;
+      return run().front().indices;
+    };
+    const auto on_cpu = [&]<class T>(T) {
+      return [&] { return test::run_op<T>(op, layout_, {points, points}, {index}, two_); };
+    };
+    const auto on_vulkan = [&] { return test::run_op_vulkan(op, layout_, {points, points}, {index}); };
+    const auto expected = by(NeighborSearch::automatic, on_cpu(0.0F));
+    for (const NeighborSearch search : {NeighborSearch::brute_force, NeighborSearch::tree}) {
+      SCOPED_TRACE(search == NeighborSearch::tree ? "tree" : "brute force");
+      EXPECT_EQ(by(search, on_cpu(0.0F)), expected) << "lattice " << lattice << ", k " << op.k;
+      EXPECT_EQ(by(search, on_cpu(0.0)), by(NeighborSearch::automatic, on_cpu(0.0)));
+      if (test::vulkan()) {
+        EXPECT_EQ(by(search, on_vulkan), expected) << "lattice " << lattice << ", k " << op.k;
+      }
+    }
+  }
 
  private:
   BatchLayout layout_;
@@ -107,6 +131,18 @@ TEST(Knn, PairsOfKeyPoints) {
     for (const int lattice : lattices)
       KnnCase({40, 50, 60, 70}, keys)
           .check_both({.k = 24, .dim = 6, .exclude_self = true}, Rows::pair_key, Rows::pair_key, lattice);
+}
+
+// On both sides of what the CPU (200) and Vulkan (4096) take without being asked.
+TEST(Knn, EverySearchFindsTheSame) {
+  for (const int lattice : lattices) {
+    for (const std::uint32_t k : {1u, 24u, 64u})
+      KnnCase({k + 1, k + 2, k + 9, 97}, 5).check_searches({.k = static_cast<int>(k)}, lattice);
+    KnnCase({199, 200, 201, 255, 1025}, 5).check_searches({.k = 24}, lattice);
+    KnnCase({97, 333}, 5).check_searches({.k = 24, .dilation = 4}, lattice);
+    KnnCase({4095, 25}, 5).check_searches({.k = 24}, lattice);
+    KnnCase({25, 4096, 300, 4097}, 5).check_searches({.k = 24}, lattice);
+  }
 }
 
 TEST(Knn, SeventyThousandPoints) {

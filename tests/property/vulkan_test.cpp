@@ -93,6 +93,25 @@ TEST_F(VulkanPlan, PrewarmingChangesNothingButTheFirstRun) {
   EXPECT_THAT(refused.error().message, AllOf(HasSubstr("49 points"), HasSubstr("50")));
 }
 
+TEST_F(VulkanPlan, SearchesNeighboursAsItIsTold) {
+  const Device device = test::device_on(Backend::vulkan);
+  std::vector<Assembly> found;
+  std::vector<std::size_t> dispatches;
+  for (const NeighborSearch neighbors :
+       {NeighborSearch::automatic, NeighborSearch::brute_force, NeighborSearch::tree}) {
+    auto plan = make_plan(device, model_, {1, 200}, {.neighbors = neighbors});
+    ASSERT_TRUE(plan) << plan.error().message;
+    found.push_back(test::solve(*plan, source_.view(), reference_.view()));
+    dispatches.push_back(plan->counters().dispatches);
+  }
+  for (const Assembly& assembly : found) {
+    EXPECT_EQ(assembly.T_reference_source.rotation, found[0].T_reference_source.rotation);
+    EXPECT_EQ(assembly.T_reference_source.translation, found[0].T_reference_source.translation);
+  }
+  EXPECT_EQ(dispatches[0], dispatches[1]);
+  EXPECT_GT(dispatches[2], dispatches[1]);
+}
+
 TEST_F(VulkanPlan, SavesAndTakesItsPipelineCache) {
   const auto first = create_device();
   ASSERT_TRUE(first) << first.error().message;
