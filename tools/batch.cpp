@@ -1,4 +1,5 @@
 // bitr batch: many pairs of clouds, a line of results for each.
+#include <algorithm>
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
 #include <chrono>
@@ -7,8 +8,11 @@
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <thread>
+#include <utility>
 
 #include "answer.hpp"
+#include "api/pack.hpp"
 #include "assembly_report.hpp"
 #include "batch_results.hpp"
 #include "cloud_input.hpp"
@@ -26,6 +30,8 @@ namespace {
 
 // More points than this go to the device by themselves.
 constexpr std::size_t most_submitted_points = std::size_t{1} << 20;
+// After one is lost.
+constexpr int most_new_devices = 2;
 
 struct Shard {
   std::uint64_t index = 1, count = 1;
@@ -66,6 +72,7 @@ Job end_of_jobs() {
 struct Outcome {
   Job job;
   std::optional<Answer> answer;
+  bool done() const { return answer || !job.problem.empty(); }
 };
 
 /// The shard's pairs from a given one on; to be asked by one thread.
@@ -119,7 +126,8 @@ class Assembler {
   Assembler(const Options& options, const Model& model, AnswerOptions how, OpenDevice device)
       : options_(options), model_(model), how_(std::move(how)), device_(std::move(device)) {}
 
-  /// Fills in assemblies or problems.
+  /// Fills in assemblies or problems. Failure (`device_lost`): no new device takes the lost one's place;
+  /// pairs that were not done have neither.
   void run(std::vector<Outcome>& outcomes) {
     std::vector<Outcome*> some;
     std::size_t points = 0;
@@ -154,17 +162,47 @@ class Assembler {
   Result<std::vector<Answer>> answer_all(const std::vector<Outcome*>& outcomes) {
     std::vector<InputPair> pairs;
     for (const Outcome* outcome : outcomes) pairs.push_back({*outcome->job.source, *outcome->job.reference});
+    if (!loss_.empty()) renew();
     auto answers = attempt(pairs);
-    if (answers || answers.error().code != ErrorCode::device_lost) return answers;
-    warn(answers.error().message + "; going on with a new device");
-    plan_.reset();
-    auto device = open_device(options_.run);
-    if (!device) return tl::unexpected(device.error());
-    device_ = std::move(*device);
+    if (loss_.empty()) return answers;
+    renew();
     return attempt(pairs);
   }
 
+  /// A new device that is seen to run, so that a pair that loses every device it meets is told from a device
+  /// that is gone.
+  void renew() {
+    std::string why;
+    for (int tries = 0; tries < most_new_devices; ++tries) {
+      // A driver may need a moment to recover.
+      if (tries > 0) std::this_thread::sleep_for(std::chrono::seconds(1));
+      plan_.reset();
+      if (auto ran = open_running_device(); !ran) {
+        why = ran.error().message;
+        continue;
+      }
+      warn(std::exchange(loss_, {}) + "; going on with a new device");
+      return;
+    }
+    throw Failure(ErrorCode::device_lost, loss_ + "; " + std::to_string(most_new_devices) +
+                                              " new devices in a row did not run a tiny pair: " + why);
+  }
+  Result<void> open_running_device() {
+    auto device = open_device(options_.run);
+    if (!device) return tl::unexpected(device.error());
+    device_ = std::move(*device);
+    auto plan = make_plan(*device_, model_, {1, 2 * least_points(model_.config())}, options_.run.plan);
+    if (!plan) return tl::unexpected(plan.error());
+    return prewarm(*plan);
+  }
+
+  /// Leaves in loss_ whether the device was lost.
   Result<std::vector<Answer>> attempt(const std::vector<InputPair>& pairs) {
+    auto answers = answer_with_plan(pairs);
+    if (!answers && answers.error().code == ErrorCode::device_lost) loss_ = answers.error().message;
+    return answers;
+  }
+  Result<std::vector<Answer>> answer_with_plan(const std::vector<InputPair>& pairs) {
     std::vector<CloudPair> clouds;
     for (const InputPair& pair : pairs) clouds.push_back(pair.used());
     const BatchShape shape = shape_of(clouds);
@@ -184,6 +222,7 @@ class Assembler {
   const AnswerOptions how_;
   OpenDevice device_;
   std::unique_ptr<Plan> plan_;
+  std::string loss_;  ///< how device_ was lost; empty while it is not
 };
 
 Json line_of(const Outcome& outcome, const AnswerChoice& choice, const AnswerOptions& how) {
@@ -329,6 +368,7 @@ int run_checked(Options& options) {
   // Declared after what its thread uses.
   ReadAhead<Job> reader(1, 2 * options.pairs, [&](std::uint64_t) { return jobs.next(); });
   std::future<void> writing;
+  std::optional<Failure> lost;
   for (bool end = false; !end;) {
     std::vector<Outcome> outcomes;
     while (!end && outcomes.size() < options.pairs) {
@@ -336,13 +376,24 @@ int run_checked(Options& options) {
       end = job.end;
       if (!end) outcomes.push_back({std::move(job), {}});
     }
-    assembler.run(outcomes);
+    try {
+      assembler.run(outcomes);
+    } catch (const Failure& failure) {
+      if (failure.error().code != ErrorCode::device_lost) throw;
+      outcomes.erase(std::ranges::find_if_not(outcomes, &Outcome::done), outcomes.end());
+      lost = failure;
+      end = true;
+    }
     if (writing.valid()) writing.get();
     progress.show(results.done());
     writing = std::async(std::launch::async,
                          [&, outcomes = std::move(outcomes)] { write(outcomes, options, *how, results); });
   }
   writing.get();
+  if (lost)
+    return complain(run_failed, std::string(lost->what()) + "; " + std::to_string(results.done()) + " of " +
+                                    std::to_string(all) + " pairs are in " + *file +
+                                    ", --resume goes on with the next");
   assembler.save_cache();
   clear_progress();
   print(results.summary(), *file, progress.rate(results.done()));
@@ -405,7 +456,8 @@ Command add_batch(CLI::App& root) {
       "cannot\n"
       "be read or assembled gets a line that says why, and the rest goes on.\n"
       "Restricted poses are those of bitr assemble.\n"
-      "Exit status: 0 done; 1 done, but some pairs have no usable pose; 2 bad input or usage.\n\n"
+      "Exit status: 0 done; 1 done, but some pairs have no usable pose, or the device was lost for good and\n"
+      "--resume can do the rest; 2 bad input or usage.\n\n"
       "Examples:\n"
       "  bitr generate aircraft --out clouds --count 100 --seed 1\n"
       "  bitr batch clouds/aircraft.jsonl --out results\n"

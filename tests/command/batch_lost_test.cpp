@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <sstream>
 #include <utility>
@@ -45,8 +46,7 @@ class BatchLost : public testing::Test {
     ASSERT_GE(whole_.submissions, 5);
   }
 
-  Results run(Words environment, const Words& options = {}) const {
-    const Folder out;
+  Results run(Words environment, const Words& options = {}, const Folder& out = Folder()) const {
     const std::string counted = out.path("submissions");
     environment.insert(environment.end(),
                        {"VK_LAYER_PATH=" BITR_LAYERS, "VK_INSTANCE_LAYERS=VK_LAYER_BITR_lose_device",
@@ -60,7 +60,7 @@ class BatchLost : public testing::Test {
                    "--backend",
                    "vulkan",
                    "--pairs",
-                   "2"};
+                   pairs_};
     words.insert(words.end(), options.begin(), options.end());
     found.finished = run_command(words, environment);
     std::istringstream text(read_text(out.path("results.jsonl")));
@@ -82,6 +82,7 @@ class BatchLost : public testing::Test {
   std::vector<int> chosen() const { return {1, 2, whole_.submissions / 2, whole_.submissions}; }
 
   const Folder clouds_;
+  std::string pairs_ = "2";  ///< in a submission
   Results whole_;
 };
 
@@ -117,31 +118,69 @@ TEST_F(BatchLost, GoesOnAfterALossInRefinement) {
   }
 }
 
-TEST_F(BatchLost, LostForGoodLeavesLinesThatSaySo) {
+// Whatever the second one hits: the new device as it is tried out, or the pairs that are sent again.
+TEST_F(BatchLost, GoesOnAfterTwoLosses) {
+  for (const int at : {1, whole_.submissions / 2})
+    for (int second = at + 1; second <= at + 6; ++second) {
+      SCOPED_TRACE(std::to_string(at) + ", " + std::to_string(second));
+      const Results found = run({"LOSE_DEVICE_AT=" + std::to_string(at) + "," + std::to_string(second)});
+      EXPECT_EQ(found.finished.status, 0) << found.finished.err;
+      EXPECT_THAT(found.finished.err, AllOf(HasSubstr("going on with a new device"), Not(HasSubstr("anew"))));
+      EXPECT_EQ(found.lines, whole_.lines);
+    }
+}
+
+// A pair that is lost with the new device, too, is left; the others are done.
+TEST_F(BatchLost, GoesOnAfterAPairThatTwoDevicesAreLostWith) {
+  pairs_ = "1";
+  int left = 0;
+  for (int second = 4; second <= 9; ++second) {
+    SCOPED_TRACE(second);
+    const Results found = run({"LOSE_DEVICE_AT=3," + std::to_string(second)});
+    if (found.lines == whole_.lines) continue;
+    ++left;
+    EXPECT_EQ(found.finished.status, 1);
+    EXPECT_THAT(found.finished.err, HasSubstr("1 of 7 pairs have no usable pose"));
+    ASSERT_EQ(found.lines.size(), count);
+    int others = 0;
+    for (int i = 0; i < count; ++i) {
+      if (found.lines[i] == whole_.lines[i]) {
+        ++others;
+        continue;
+      }
+      EXPECT_EQ(found.lines[i]["status"], "unreadable");
+      EXPECT_THAT(found.lines[i]["problem"].get<std::string>(), HasSubstr("lost"));
+    }
+    EXPECT_EQ(others, count - 1);
+  }
+  EXPECT_GT(left, 0);
+}
+
+TEST_F(BatchLost, LostForGoodEndsTheRunAndResumeDoesTheRest) {
   for (const auto& [at, waiting] :
        {std::pair(1, false), {whole_.submissions / 2, true}, {whole_.submissions, false}}) {
     SCOPED_TRACE(at);
+    const Folder out;
     Words environment = {"LOSE_DEVICE_AT=" + std::to_string(at), "LOSE_DEVICE_AGAIN=1"};
     if (waiting) environment.push_back("LOSE_DEVICE_WHILE_WAITING=1");
-    const Results found = run(environment);
+    const Results found = run(environment, {}, out);
     EXPECT_EQ(found.finished.status, 1);
-    EXPECT_THAT(found.finished.err, HasSubstr("going on with a new device"));
-    ASSERT_EQ(found.lines.size(), count);
-    int whole = 0;
-    while (whole < count && found.lines[whole] == whole_.lines[whole]) ++whole;
-    for (int i = whole; i < count; ++i) {
-      const json& line = found.lines[i];
-      EXPECT_EQ(line["pair"], i);
-      EXPECT_EQ(line["name"], whole_.lines[i]["name"]);
-      EXPECT_EQ(line["status"], "unreadable");
-      EXPECT_THAT(line["problem"].get<std::string>(), HasSubstr("lost"));
-      EXPECT_FALSE(line.contains("transform"));
-    }
+    const int done = static_cast<int>(found.lines.size());
+    EXPECT_THAT(found.finished.err, AllOf(HasSubstr("lost"), HasSubstr("--resume"), Not(HasSubstr("anew")),
+                                          Not(HasSubstr("going on with a new device")),
+                                          HasSubstr(std::to_string(done) + " of 7 pairs")));
+    EXPECT_EQ(std::ranges::count(found.finished.err, '\n'), 1) << found.finished.err;
     // The first submission is the plan's own, the last one is for the last pair, alone.
-    EXPECT_TRUE(at > 1 || whole == 0) << whole;
-    EXPECT_TRUE(at < whole_.submissions || whole == count - 1) << whole;
-    EXPECT_THAT(found.finished.err,
-                HasSubstr(std::to_string(count - whole) + " of 7 pairs have no usable pose"));
+    EXPECT_TRUE(at > 1 || done == 0) << done;
+    EXPECT_TRUE(at < whole_.submissions || done == count - 1) << done;
+    // Whole lines, however many pairs are left.
+    ASSERT_LE(done, count);
+    EXPECT_TRUE(std::equal(found.lines.begin(), found.lines.end(), whole_.lines.begin()));
+    // Every new device is tried once, whatever the number of pairs that are left.
+    EXPECT_LE(found.submissions, at + 2);
+    const Results rest = run({}, {"--resume"}, out);
+    EXPECT_EQ(rest.finished.status, 0) << rest.finished.err;
+    EXPECT_EQ(rest.lines, whole_.lines);
   }
 }
 

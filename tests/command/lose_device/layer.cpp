@@ -1,6 +1,7 @@
-// A Vulkan layer that loses a device. It passes everything through, but from the LOSE_DEVICE_AT-th
+// A Vulkan layer that loses devices. It passes everything through, but from the LOSE_DEVICE_AT-th
 // submission of the process on (the first is 1) the device that was asked is lost. As Vulkan has it, nothing
 // runs on it any more, and whatever submits or waits says so. The environment says the rest:
+// LOSE_DEVICE_AT             a number, or several with commas: each loses the device that is asked then
 // LOSE_DEVICE_WHILE_WAITING  set: that submission still succeeds, and the next wait finds out
 // LOSE_DEVICE_AGAIN          set: every device that is asked later is lost, too
 // LOSE_DEVICE_COUNT          a file that gets the number of submissions so far
@@ -12,6 +13,7 @@
 #include <fstream>
 #include <map>
 #include <mutex>
+#include <sstream>
 #include <utility>
 
 namespace {
@@ -105,6 +107,15 @@ void VKAPI_CALL destroy_device(VkDevice device, const VkAllocationCallbacks* all
   was.function<PFN_vkDestroyDevice>("vkDestroyDevice")(device, allocation);
 }
 
+bool is_chosen(std::uint64_t submission) {
+  const char* at = std::getenv("LOSE_DEVICE_AT");
+  const bool again = std::getenv("LOSE_DEVICE_AGAIN");
+  std::istringstream numbers(at ? at : "");
+  for (std::uint64_t number = 0; numbers >> number; numbers.ignore())
+    if (submission == number || (again && submission > number)) return true;
+  return false;
+}
+
 enum class Fate { runs, vanishes, fails };
 
 // Counts a submission.
@@ -114,10 +125,7 @@ Fate fate_of(VkQueue queue) {
   if (const char* file = std::getenv("LOSE_DEVICE_COUNT")) std::ofstream(file) << submissions << '\n';
   Device& device = devices.at(key_of(queue));
   if (device.lost) return Fate::fails;
-  const char* at = std::getenv("LOSE_DEVICE_AT");
-  const std::uint64_t number = at ? std::strtoull(at, nullptr, 10) : 0;
-  if (number == 0 || submissions < number) return Fate::runs;
-  if (submissions > number && !std::getenv("LOSE_DEVICE_AGAIN")) return Fate::runs;
+  if (!is_chosen(submissions)) return Fate::runs;
   // What runs already is let finish: it is terminated, as far as the program can tell.
   device.function<PFN_vkDeviceWaitIdle>("vkDeviceWaitIdle")(device.handle);
   device.lost = true;
