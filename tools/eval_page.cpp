@@ -29,6 +29,7 @@ dt { opacity: 0.7; }
 dd { margin: 0; overflow-wrap: anywhere; }
 svg, img { display: block; width: 100%; height: auto; border-radius: 6px; background: white; }
 figure { margin: 1rem 0; }
+.small { max-width: 620px; }
 figcaption { margin-bottom: 0.3rem; }
 )";
 
@@ -156,6 +157,11 @@ std::string scatter(const std::vector<const EvalSetting*>& settings, std::size_t
   return chart;
 }
 
+std::string legend_entry(std::size_t method, const std::string& name, double left, double top) {
+  const double at = top + 12 + 20 * static_cast<double>(method);
+  return svg::rectangle(left, at - 8, 14, 8, svg::colour(method)) + text_at(left + 21, at, name, "start");
+}
+
 /// Of settings with one number of points; empty where neither overlap nor share differ.
 std::string errors_over_overlap(const std::vector<const EvalSetting*>& settings) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -181,9 +187,7 @@ std::string errors_over_overlap(const std::vector<const EvalSetting*>& settings)
   std::string image = svg::head(1040, 370) + svg::grid(frame, x, y);
   for (std::size_t m = 0; m < settings[0]->methods.size(); ++m) {
     image += scatter(settings, m, across, x, y);
-    const double at = frame.top + 12 + 20 * static_cast<double>(m);
-    image += svg::rectangle(785, at - 8, 14, 8, svg::colour(m)) +
-             text_at(806, at, settings[0]->methods[m].name, "start");
+    image += legend_entry(m, settings[0]->methods[m].name, 785, frame.top);
   }
   return image + text_at(60, 354, "Δr in degrees: a dot is a pair, a line joins medians", "start") +
          text_at(760, 354, what, "end") + "</svg>\n";
@@ -206,6 +210,74 @@ std::string errors_over_overlap(const EvalReport& report) {
   return charts.empty() ? charts : element("h2", "Errors over overlap") + "\n" + charts;
 }
 
+using MethodConfidence = std::vector<std::pair<std::string, ConfidenceSummary>>;
+
+std::string reliability(const MethodConfidence& methods) {
+  const svg::Frame frame{60, 20, 320, 320};
+  const auto x = svg::Axis::linear(0, 1, frame.left, frame.left + frame.width),
+             y = svg::Axis::linear(0, 1, frame.top + frame.height, frame.top);
+  std::string image =
+      svg::head(620, 385) + svg::grid(frame, x, y) + svg::line(x.at(0), y.at(0), x.at(1), y.at(1), "#999999");
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    const auto& [name, summary] = methods[m];
+    std::vector<std::pair<double, double>> places;
+    std::string dots;
+    for (const ConfidenceBin& bin : summary.bins) {
+      places.emplace_back(x.at(bin.said), y.at(bin.was));
+      const double share = static_cast<double>(bin.poses) / static_cast<double>(summary.poses);
+      dots += svg::circle(x.at(bin.said), y.at(bin.was), 3 + 7 * std::sqrt(share), svg::colour(m),
+                          name + ": said " + number(bin.said, "%.2f") + ", was " + number(bin.was, "%.2f") +
+                              " (" + std::to_string(bin.poses) + (bin.poses == 1 ? " pose)" : " poses)"));
+    }
+    image += svg::polyline(places, svg::colour(m)) + element("g", dots, " opacity=\"0.7\"") + "\n" +
+             legend_entry(m, name, 405, frame.top);
+  }
+  return image + text_at(60, 374, "share of the poses that were right", "start") +
+         text_at(380, 374, "mean confidence", "end") + "</svg>\n";
+}
+
+std::string confidence_row(const std::string& method, const ConfidenceSummary& summary) {
+  std::string cells = element("td", escaped(method)) + element("td", std::to_string(summary.poses)) +
+                      element("td", summary.area ? number(*summary.area, "%.3f") : "–");
+  for (const double share : {summary.said, summary.was}) cells += element("td", number(share, "%.2f"));
+  return element("tr", cells) + "\n";
+}
+
+/// Empty where no pose was judged.
+std::string confidence(const EvalReport& report) {
+  const MethodConfidence methods = pooled_confidence(report);
+  if (methods.empty()) return {};
+  std::string head, body, last;
+  const auto add = [&](const std::string& title, const std::string& method,
+                       const ConfidenceSummary& summary) {
+    if (title != last)
+      body += element("tr", element("th", escaped(title), " colspan=\"5\" scope=\"colgroup\"")) + "\n";
+    last = title;
+    body += confidence_row(method, summary);
+  };
+  for (const char* title : {"method", "poses", "area under ROC", "said, on average", "was right"})
+    head += element("th", title, " scope=\"col\"");
+  for (const EvalRow& row : rows_of(report))
+    if (!row.bin && row.confidence.poses > 0) add(title(row.setting), row.method, row.confidence);
+  if (report.settings.size() > 1)
+    for (const auto& [method, summary] : methods) add("all of them", method, summary);
+  return element("h2", "Confidence") + "\n" +
+         element("div",
+                 element("table", element("thead", element("tr", head)) + "\n" + element("tbody", body)),
+                 " class=\"wide\" id=\"confidence\"") +
+         element("p",
+                 "Right is a pose with Δr up to 20° and Δt up to 0.1 of the diagonal. The area under the ROC "
+                 "curve is the chance that a right pose has more confidence than a wrong one.") +
+         "\n" +
+         element("figure",
+                 element("figcaption",
+                         "Reliability: a dot is a tenth of the scale, the larger the more poses; on the "
+                         "grey line poses are right as often as their confidence says") +
+                     reliability(methods),
+                 " class=\"small\"") +
+         "\n";
+}
+
 std::string figure(const EvalReport& report, const EvalCase& one) {
   const EvalMethod& method = report.settings[one.setting].methods[one.method];
   const EvalPair& pair = method.pairs[one.pair];
@@ -215,7 +287,8 @@ std::string figure(const EvalReport& report, const EvalCase& one) {
       std::to_string(pair.sample) + ": overlap " + number(100 * pair.overlap, "%.0f") + " %, " +
       (e.failed ? "the pose is not finite"
                 : "Δr " + number(e.rotation, "%.2f") + "°, Δt " + number(e.translation_fraction, "%.3f") +
-                      " of the diagonal");
+                      " of the diagonal") +
+      (pair.confidence ? ", confidence " + number(pair.confidence->value, "%.2f") : "");
   std::string image;
   if (!one.png.empty())
     image = "<img alt=\"Source, reference, both as given, both as estimated\" src=\"data:image/png;base64," +
@@ -281,7 +354,7 @@ std::string to_html(const EvalReport& report, const std::vector<EvalCase>& cases
       "img-src data:\"/>\n<link rel=\"icon\" href=\"data:,\"/>\n" +
       element("title", "bitr eval: " + escaped(report.data)) + "\n" + element("style", style) +
       "\n</head>\n<body>\n" + element("h1", "bitr eval") + "\n" + element("p", escaped(report.data)) + "\n" +
-      table(report) + "\n" + errors_over_overlap(report);
+      table(report) + "\n" + confidence(report) + errors_over_overlap(report);
   for (std::size_t s = 0; s < report.settings.size(); ++s) {
     const EvalSetting& setting = report.settings[s];
     html += element("h2", escaped(title(setting))) + "\n" +

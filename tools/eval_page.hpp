@@ -20,8 +20,8 @@ struct EvalCase {
 /// one where that would make a long page.
 std::vector<EvalCase> worst_and_best(const EvalReport& report);
 
-/// HTML, which is XML too, that needs nothing else: the table, histograms of the errors, errors over overlap,
-/// the cases, the settings. Same report, same bytes.
+/// HTML, which is XML too, that needs nothing else: the table, confidence if there is any, errors over
+/// overlap, histograms of the errors, the cases, the settings. Same report, same bytes.
 std::string to_html(const EvalReport& report, const std::vector<EvalCase>& cases);
 
 }  // namespace bitr::tool

@@ -95,22 +95,6 @@ Json to_json(const EvalRow& row) {
   return json;
 }
 
-/// Each method's confidences over all settings, in the order of the rows.
-std::vector<std::pair<std::string, ConfidenceSummary>> pooled_confidence(const EvalReport& report) {
-  std::vector<std::pair<std::string, std::vector<Judgement>>> pooled;
-  for (const EvalSetting& setting : report.settings)
-    for (const EvalMethod& method : setting.methods) {
-      auto found =
-          std::find_if(pooled.begin(), pooled.end(), [&](const auto& p) { return p.first == method.name; });
-      if (found == pooled.end()) found = pooled.insert(pooled.end(), {method.name, {}});
-      add_judgements(method, {}, found->second);
-    }
-  std::vector<std::pair<std::string, ConfidenceSummary>> summaries;
-  for (const auto& [name, judgements] : pooled)
-    if (!judgements.empty()) summaries.emplace_back(name, summarise_confidence(judgements));
-  return summaries;
-}
-
 std::string area_text(const ConfidenceSummary& c) {
   if (!c.area) return "  –  ";
   char text[16];
@@ -171,6 +155,21 @@ std::vector<EvalRow> rows_of(const EvalReport& report) {
         if (row.summary.pairs > 0) rows.push_back(std::move(row));
       }
   return rows;
+}
+
+std::vector<std::pair<std::string, ConfidenceSummary>> pooled_confidence(const EvalReport& report) {
+  std::vector<std::pair<std::string, std::vector<Judgement>>> pooled;
+  for (const EvalSetting& setting : report.settings)
+    for (const EvalMethod& method : setting.methods) {
+      auto found =
+          std::find_if(pooled.begin(), pooled.end(), [&](const auto& p) { return p.first == method.name; });
+      if (found == pooled.end()) found = pooled.insert(pooled.end(), {method.name, {}});
+      add_judgements(method, {}, found->second);
+    }
+  std::vector<std::pair<std::string, ConfidenceSummary>> summaries;
+  for (const auto& [name, judgements] : pooled)
+    if (!judgements.empty()) summaries.emplace_back(name, summarise_confidence(judgements));
+  return summaries;
 }
 
 std::string title(const EvalSetting& setting) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "output.hpp"
@@ -57,6 +58,8 @@ struct EvalRow {
 
 /// Setting by setting: its methods, then bin by bin where there are pairs.
 std::vector<EvalRow> rows_of(const EvalReport& report);
+/// Each judged method's confidences over all settings, in the order of the rows.
+std::vector<std::pair<std::string, ConfidenceSummary>> pooled_confidence(const EvalReport& report);
 /// "opposed, s = 0.7, 1024 points"
 std::string title(const EvalSetting& setting);
 /// The same with the bin and the number of pairs.

@@ -5,6 +5,14 @@
 #include <iterator>
 
 namespace bitr::svg {
+namespace {
+
+std::string with_tip(const std::string& name, const std::string& attributes, const std::string& tip) {
+  return "<" + name + attributes +
+         (tip.empty() ? "/>\n" : "><title>" + escaped(tip) + "</title></" + name + ">\n");
+}
+
+}  // namespace
 
 const char* colour(std::size_t n) {
   static constexpr const char* colours[] = {"#1f6fb4", "#d1495b", "#2e8b57", "#8e5ea2",
@@ -43,9 +51,11 @@ std::string line(double x1, double y1, double x2, double y2, const std::string& 
          number(y2) + "\" stroke=\"" + colour + "\"/>\n";
 }
 
-std::string circle(double x, double y, double radius, const std::string& colour) {
-  return "<circle cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"" + number(radius) + "\" fill=\"" +
-         colour + "\"/>\n";
+std::string circle(double x, double y, double radius, const std::string& colour, const std::string& tip) {
+  return with_tip("circle",
+                  " cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"" + number(radius) + "\" fill=\"" +
+                      colour + "\"",
+                  tip);
 }
 
 std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& colour) {
@@ -57,9 +67,10 @@ std::string polyline(const std::vector<std::pair<double, double>>& points, const
 
 std::string rectangle(double x, double y, double width, double height, const std::string& colour,
                       const std::string& tip) {
-  const std::string shape = "<rect x=\"" + number(x) + "\" y=\"" + number(y) + "\" width=\"" + number(width) +
-                            "\" height=\"" + number(height) + "\" fill=\"" + colour + "\"";
-  return shape + (tip.empty() ? "/>\n" : "><title>" + escaped(tip) + "</title></rect>\n");
+  return with_tip("rect",
+                  " x=\"" + number(x) + "\" y=\"" + number(y) + "\" width=\"" + number(width) +
+                      "\" height=\"" + number(height) + "\" fill=\"" + colour + "\"",
+                  tip);
 }
 
 Axis Axis::logarithmic(double low, double high, double from, double to) {

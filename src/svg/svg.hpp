@@ -19,10 +19,10 @@ std::string escaped(const std::string& text);
 std::string text_at(double x, double y, const std::string& text, const char* anchor, const char* more = "");
 
 std::string line(double x1, double y1, double x2, double y2, const std::string& colour);
-std::string circle(double x, double y, double radius, const std::string& colour);
+/// `tip`: what a pointer that rests there is told; may be empty.
+std::string circle(double x, double y, double radius, const std::string& colour, const std::string& tip = {});
 /// "x,y x,y " of all points.
 std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& colour);
-/// `tip`: what a pointer that rests there is told; may be empty.
 std::string rectangle(double x, double y, double width, double height, const std::string& colour,
                       const std::string& tip = {});
 

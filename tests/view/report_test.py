@@ -112,6 +112,9 @@ class Page(unittest.TestCase):
                         self.assertEqual(count, sum(low <= v and (last or v < high) for v in values), (low, high))
                     self.assertEqual(total, 12)
 
+    def test_says_nothing_of_confidence_that_nobody_asked_for(self):
+        self.assertNotIn(b"onfidence", self.text)
+
     def test_every_pair_is_a_dot(self):
         dots = [dot for dot in self.charts()[0].iter(SVG + "circle") if dot.get("r") == "2"]
         self.assertEqual(len(dots), len(self.csv))
@@ -164,6 +167,59 @@ class Page(unittest.TestCase):
         tree = ElementTree.parse(page)
         self.assertIn(str(root), tree.find(f".//{HTML}title").text)
         self.assertIsNone(tree.find(f".//{HTML}i"))
+
+
+class JudgedPage(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory() as folder:
+            root = pathlib.Path(folder)
+            done = bitr("eval", "--kind", "aircraft", "--share", "1,0.6", "--points", 200, "--samples", 12, "--methods",
+                        "identity,pca-icp", "--confidence", "--html", root / "a.html", "--json", root / "a.json",
+                        "--csv", root / "a.csv")  # fmt: skip
+            assert done.returncode == 0, done.stderr
+            cls.page = ElementTree.fromstring((root / "a.html").read_bytes())
+            cls.json = json.loads((root / "a.json").read_text())
+            cls.csv = list(csv.DictReader((root / "a.csv").read_text().splitlines()))
+
+    def test_table_has_every_area(self):
+        (table,) = (div for div in self.page.iter(HTML + "div") if div.get("id") == "confidence")
+        rows = [[cell.text for cell in row] for row in table.iter(HTML + "tr")]
+        rows = [row for row in rows if len(row) > 1][1:]
+        expected = [(row["method"], row["pairs"], row["confidence"]) for row in self.json["rows"]]
+        expected += [(method, 24, pooled) for method, pooled in self.json["confidence"].items()]
+        self.assertEqual(len(expected), 4 + 2)
+        for cells, (method, poses, of) in zip(rows, expected, strict=True):
+            area = "–" if of["roc_area"] is None else f"{of['roc_area']:.3f}"
+            self.assertEqual(cells, [method, str(poses), area, f"{of['said']:.2f}", f"{of['was']:.2f}"])
+
+    def test_every_bin_is_a_dot_in_its_place(self):
+        (chart,) = (svg for svg in self.page.iter(SVG + "svg") if svg.find(f".//{SVG}circle/{SVG}title") is not None)
+        (diagonal,) = (line for line in chart.iter(SVG + "line") if line.get("x1") != line.get("x2") and
+                       line.get("y1") != line.get("y2"))  # fmt: skip
+        x1, y1, x2, y2 = (float(diagonal.get(end)) for end in ("x1", "y1", "x2", "y2"))
+        dots = [dot for dot in chart.iter(SVG + "circle") if dot.find(SVG + "title") is not None]
+        bins = [(name, bin) for name, of in self.json["confidence"].items() for bin in of["reliability"]]
+        self.assertGreater(len(bins), 3)
+        self.assertEqual(len(dots), len(bins))
+        for dot, (method, bin) in zip(dots, bins):
+            poses = f"{bin['poses']} pose" + "s" * (bin["poses"] != 1)
+            self.assertEqual(dot.find(SVG + "title").text,
+                             f"{method}: said {bin['said']:.2f}, was {bin['was']:.2f} ({poses})")  # fmt: skip
+            self.assertAlmostEqual(float(dot.get("cx")), x1 + bin["said"] * (x2 - x1), delta=0.1)
+            self.assertAlmostEqual(float(dot.get("cy")), y1 + bin["was"] * (y2 - y1), delta=0.1)
+
+    def test_every_case_has_its_confidence(self):
+        captions = [figure.find(HTML + "figcaption").text for figure in self.page.iter(HTML + "figure")
+                    if figure.find(HTML + "img") is not None]  # fmt: skip
+        self.assertEqual(len(captions), 2 * 2 * 4)
+        for caption in captions:
+            method, shape, sample, said = re.fullmatch(
+                r"(?:Best|Worst) of (\S+): (.+), pair (\d+): .*, confidence (\d\.\d\d)", caption
+            ).groups()
+            lines = [line for line in self.csv if (line["method"], line["shape"], line["sample"]) ==
+                     (method, shape, sample)]  # fmt: skip
+            self.assertIn(said, [f"{float(line['confidence']):.2f}" for line in lines], caption)
 
 
 if __name__ == "__main__":

@@ -52,8 +52,8 @@ TEST(Axis, HasAFewTicksWhateverItsEnds) {
 
 TEST(Text, CannotBecomeAnythingElse) {
   const std::string nasty = "</text><script>\"'&\n";
-  for (const std::string& made :
-       {text_at(1, 2, nasty, "start"), rectangle(0, 0, 1, 1, "red", nasty), escaped(nasty)}) {
+  for (const std::string& made : {text_at(1, 2, nasty, "start"), rectangle(0, 0, 1, 1, "red", nasty),
+                                  circle(0, 0, 1, "red", nasty), escaped(nasty)}) {
     EXPECT_THAT(made, Not(HasSubstr("<script")));
     EXPECT_THAT(made, HasSubstr("&lt;script>&quot;'&amp; "));
   }

@@ -8,13 +8,16 @@ import { after, before, test } from 'node:test';
 import { count, launch, open, picture } from './browser.js';
 
 const folder = mkdtempSync(join(tmpdir(), 'bitr_report_'));
-const report = join(folder, 'report.html');
+const report = join(folder, 'report.html'), judged = join(folder, 'judged.html');
 let browser;
 before(async () => {
-  execFileSync(process.env.BITR_COMMAND, [
-    'eval', '--kind', 'aircraft', '--share', '1,0.6', '--points', '300', '--samples', '20', '--methods',
-    'identity,pca-icp', '--html', report,
-  ]);
+  const evaluate = (...options) =>
+    execFileSync(process.env.BITR_COMMAND, [
+      'eval', '--kind', 'aircraft', '--share', '1,0.6', '--points', '300', '--samples', '20', '--methods',
+      'identity,pca-icp', ...options,
+    ]);
+  evaluate('--html', report);
+  evaluate('--html', judged, '--confidence');
   browser = await launch();
 });
 after(async () => {
@@ -40,6 +43,23 @@ test('has its table, charts and pictures on the screen', async () => {
   assert.ok(count(pair, 'orange') > 1000 && count(pair, 'blue') > 1000);
   assert.deepEqual(page.complaints, []);
   assert.deepEqual(page.requests.filter((url) => !url.startsWith('data:')).length, 1);
+});
+
+test('has how far its poses could be trusted', async () => {
+  const page = await open(browser, judged);
+  assert.equal(await page.locator('#confidence tbody tr').count(), 3 + 6);
+  const charts = page.locator('svg');
+  assert.equal(await charts.count(), 4);
+  const chart = await picture(charts.first(), 'report_reliability');
+  assert.ok(count(chart, 'blue') > 200 && count(chart, 'red') > 200);
+  const dot = charts.first().locator('circle').first();
+  assert.match(await dot.locator('title').textContent(), /^identity: said 0\.\d\d, was \d\.\d\d \(\d+ poses?\)$/);
+  const [place, image] = [await dot.boundingBox(), await charts.first().boundingBox()];
+  assert.ok(place.x > image.x && place.y + place.height < image.y + image.height);
+  const captions = await page.locator('figure:has(img) figcaption').allTextContents();
+  assert.equal(captions.length, 16);
+  for (const caption of captions) assert.match(caption, /, confidence \d\.\d\d$/);
+  assert.deepEqual(page.complaints, []);
 });
 
 test('is dark where the system is', async () => {
