@@ -3,12 +3,12 @@
 #include <bitr/io.hpp>
 
 #include "api/plan.hpp"
-#include "confidence/evidence.hpp"
 #include "core/centroid.hpp"
 #include "core/random.hpp"
 #include "generate/pairs.hpp"
 #include "manifest.hpp"
 #include "pose_file.hpp"
+#include "refine/overlap.hpp"
 #include "restriction.hpp"
 
 namespace bitr::tool {
@@ -55,7 +55,7 @@ DataSample PairList::sample(std::size_t index, std::size_t points, std::uint64_t
   sample.source = io::subsample(known.source, points, random.bits());
   sample.reference = io::subsample(known.reference, points, random.bits());
   const CloudPair as_given = {sample.source, sample.reference};
-  sample.overlap = confidence::evidence_of_fit(as_given, known.T_reference_source, {}).overlap;
+  sample.overlap = refine::overlap_at(as_given, known.T_reference_source, {});
   Pose T_source_object;
   T_source_object.translation = centroid_of(sample.source.positions);
   const Pose source_motion = generate::random_pose(diagonal(sample.source.positions), random),

@@ -9,6 +9,7 @@
 #include "core/finite.hpp"
 #include "refine/icp.hpp"
 #include "refine/matching.hpp"
+#include "refine/overlap.hpp"
 #include "refine/score.hpp"
 #include "refine/surface_icp.hpp"
 #include "refine/transport.hpp"
@@ -304,6 +305,12 @@ std::size_t refine_together(const Device& device, std::span<const CloudPair> pai
 }
 
 }  // namespace
+
+double refine::overlap_at(const CloudPair& pair, const Pose& T_reference_source, const Workers& workers) {
+  Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
+  drive(refiner, workers);
+  return refiner.result().overlap_before;
+}
 
 std::string_view name(RefineMethod method) { return method == RefineMethod::icp ? "icp" : "ot"; }
 

@@ -1,12 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bitr/generate.hpp>
 #include <bitr/io.hpp>
 #include <bitr/refine.hpp>
 #include <cmath>
 #include <limits>
 
+#include "refine/overlap.hpp"
 #include "support/random_motion.hpp"
 
 namespace bitr {
@@ -70,6 +72,32 @@ TEST(Refine, BringsAnswersHome) {
     }
     std::sort(errors.begin(), errors.end());
     EXPECT_LE(errors[2], 1.5) << name(method);
+  }
+}
+
+TEST(Refine, OverlapIsTheShareThatHasACounterpart) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    Made made = make(seed, 500, 20);
+    EXPECT_EQ(refine::overlap_at({made.pair.source, made.pair.reference}, made.start, {}),
+              refined(made).overlap_before);
+    made.pair.source.normals.clear();
+    const CloudPair pair{made.pair.source, made.pair.reference};
+    const double limit = 3 * refined(pair, made.start).spacing;
+    const auto share = [&](const PointCloud& from, const PointCloud& to, const Pose& T) {
+      const auto has_counterpart = [&](const Vec3d& point) {
+        const Vec3d moved = T.apply(point);
+        return std::ranges::any_of(to.positions, [&](const Vec3d& other) {
+          return std::hypot(moved[0] - other[0], moved[1] - other[1], moved[2] - other[2]) < limit;
+        });
+      };
+      return static_cast<double>(std::ranges::count_if(from.positions, has_counterpart)) /
+             static_cast<double>(from.positions.size());
+    };
+    const double expected = std::max(share(made.pair.source, made.pair.reference, made.start),
+                                     share(made.pair.reference, made.pair.source, made.start.inverse()));
+    EXPECT_GT(expected, 0);
+    EXPECT_LT(expected, 1);
+    EXPECT_DOUBLE_EQ(refine::overlap_at(pair, made.start, {}), expected);
   }
 }
 
