@@ -22,24 +22,24 @@ struct Calibration {
   Term turn = {};
 };
 
-// 3300 poses, 2226 of them right
+// 3330 poses, 2473 of them right
 constexpr Calibration of_network = {
-    .bias = 0.348,
-    .spread = {-1.09, 2.38},
-    .gap = {2.19, 1.73},
-    .score = {4.29, 0.0897},
-    .overlap = {-1.68, 0.174},
-    .rims = {0.417, 0.344},
+    .bias = 1.26,
+    .spread = {-1.11, 2.13},
+    .gap = {1.46, 1.71},
+    .score = {4.81, 0.0906},
+    .overlap = {-3.6, 0.173},
+    .rims = {2.02, 0.357},
 };
-// 900 poses, 653 of them right
+// 870 poses, 629 of them right
 constexpr Calibration of_refined = {
-    .bias = 3.8,
-    .spread = {-0.56, 2.45},
-    .gap = {0.549, 1.64},
-    .score = {9.42, 0.359},
-    .overlap = {-4.92, 0.516},
-    .rims = {1.13, 0.68},
-    .turn = {-1.09, 2.43},
+    .bias = 2.27,
+    .spread = {-0.553, 2.19},
+    .gap = {0.597, 1.65},
+    .score = {9.74, 0.363},
+    .overlap = {-4.66, 0.521},
+    .rims = {2.16, 0.688},
+    .turn = {-1.05, 2.28},
 };
 // 2200 poses, 915 of them right
 constexpr Calibration of_fit = {
