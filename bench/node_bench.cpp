@@ -140,6 +140,9 @@ std::size_t spirv_bytes(const vk::Context& context, const Graph& graph, const Ba
                   tables,
                   {VK_NULL_HANDLE, 0, 4 * kernel->constants().size()},
                   {VK_NULL_HANDLE, 0, kernel->scratch_bytes(layout)},
+                  {},
+                  {VK_NULL_HANDLE, 0, kernel->listed_input() < 0 ? 0 : kernel->list_bytes(layout)},
+                  true,
                   in,
                   out});
   std::set<const vk::Shader*> shaders;

@@ -15,6 +15,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint QUADS = 4;   // vec4s of a row
@@ -31,8 +32,8 @@ const bool HAS_OWN = (FLAGS & 1u) != 0u, HAS_EDGES = (FLAGS & 2u) != 0u, BOTH_EN
 layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
 layout(set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(set = 0, binding = 2) readonly buffer List { uint list[]; };
-layout(set = 0, binding = 3) readonly buffer Edges { vec4 edges[]; };
-layout(set = 0, binding = 4) readonly buffer Record { vec4 record[]; };
+READ_VEC4S(3, Edges);
+READ_VEC4S(4, Record);
 layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 6) writeonly buffer Result { vec4 result[]; };
 layout(push_constant) uniform Push { GatherParameters p; };
@@ -45,20 +46,20 @@ void main() {
   vec4 sum[PART];
   [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = vec4(0);
   if (HAS_OWN) {
-    [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = record[(row - p.first_row) * RECORD + OWN + first + i];
+    [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = VEC4_OF(Record, (row - p.first_row) * RECORD + OWN + first + i);
   }
   if (HAS_EDGES) {
     const uint begin = begins[row], end = begin + counts[row];
     for (uint e = begin; e < end; ++e) {
       const uint at = (list[e] - p.first_edge) * EDGE + AT + first;
-      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += edges[at + i];
+      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += VEC4_OF(Edges, at + i);
     }
   }
   if (BOTH_ENDS) {
     [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] = -sum[i];
     for (uint j = 0; j < K; ++j) {
       const uint at = (row * K + j - p.first_edge) * EDGE + AT + first;
-      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += edges[at + i];
+      [[unroll]] for (uint i = 0; i < PART; ++i) sum[i] += VEC4_OF(Edges, at + i);
     }
   }
   if (tile.y + gl_LocalInvocationID.x < tile.z) {

@@ -10,13 +10,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint RECORD = 64;  // vec4s of a record
 layout(constant_id = 2) const uint FLAG = 0;     // where a record has its flag
 const uint IF_FLAGGED = 0x80000000u;             // only of tiles where one is not 0
 
-layout(set = 0, binding = 0) readonly buffer Record { vec4 record[]; };
+READ_VEC4S(0, Record);
 layout(set = 0, binding = 1) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 2) readonly buffer Jobs { uvec4 jobs[]; };
 layout(set = 0, binding = 3) writeonly buffer Partials { vec4 partials[]; };
@@ -30,7 +31,7 @@ void main() {
   uint rows = tiles[t].z - tiles[t].y;
   if ((job.w & IF_FLAGGED) != 0u) {
     uint any = 0u;
-    for (uint i = 0; i < rows; ++i) any |= floatBitsToUint(record[first + i * RECORD + FLAG].x);
+    for (uint i = 0; i < rows; ++i) any |= floatBitsToUint(VEC4_OF(Record, first + i * RECORD + FLAG).x);
     rows = any == 0u ? 0u : rows;
   }
   const uint components = job.w & ~IF_FLAGGED;
@@ -38,7 +39,7 @@ void main() {
   for (uint a = 0; a < components; ++a) {
     uint at_left = first + job.x + a * (job.z & 0xffffu), at_right = first + job.y + a * (job.z >> 16);
     for (uint i = 0; i < rows; ++i) {
-      const vec4 left = record[at_left], right = record[at_right];
+      const vec4 left = VEC4_OF(Record, at_left), right = VEC4_OF(Record, at_right);
       at_left += RECORD;
       at_right += RECORD;
       sum[0] += left.x * right;

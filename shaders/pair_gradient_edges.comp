@@ -1,11 +1,11 @@
 // pair_gradient_edges.comp: what an edge sends to its neighbour's feature and to the positions of its ends, out of its
 // frames, an invocation per edge. The angle about an edge's direction cancels, so that turning the direction by ω changes
 // its messages by [ω]·message − kernel([ω]·feature): the direction's gradient is a torque.
-// in  0 index      u32[N,K]        of the run's N nodes
+// in  0 order      u32[N·K,2]      of the run's edges: edge, neighbour
 // in  1 positions  f32[B·KEYS,8]   xyz of the source, xyz of the reference, 0 0
 // in  2 messages   f32[N·K,M]
 // in  3 d_messages f32[N·K,M]
-// in  4 turned     f32[16·IN4,N·K,4] features in the frames: common/pair_record.glsl
+// in  4 turned     f32[16·IN4,N·K,4] features in the frames: common/pair_record.glsl; this and the next two in that order
 // in  5 d_features f32[W,N·K,4]    their gradients, part by part
 // in  6 d_radial   f32[TABLES,N·K,4] gradients of the lengths
 // con 7 firsts     u32[8,4]        where a part begins in d_features[], by degree out and in; values, then keys
@@ -19,26 +19,28 @@
 #include "common/pair_layer.glsl"
 #include "common/parameters.glsl"
 #include "common/pair_record.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint K = 24;
 layout(constant_id = 2) const uint THIRD = 0;
-layout(set = 0, binding = 0) readonly buffer Index { uint index[]; };
-layout(set = 0, binding = 1) readonly buffer Positions { vec4 positions[]; };
+layout(set = 0, binding = 0) readonly buffer Order { uvec2 order[]; };
+READ_VEC4S(1, Positions);
 layout(set = 0, binding = 2) readonly buffer Messages { float messages[]; };
 layout(set = 0, binding = 3) readonly buffer DMessages { float d_messages[]; };
-layout(set = 0, binding = 4) readonly buffer Turned { vec4 turned[]; };
-layout(set = 0, binding = 5) readonly buffer DFeatures { vec4 d_features[]; };
-layout(set = 0, binding = 6) readonly buffer DRadial { vec4 d_radial[]; };
+READ_VEC4S(4, Turned);
+READ_VEC4S(5, D_features);
+READ_VEC4S(6, D_radial);
 layout(set = 0, binding = 7) uniform Firsts { uvec4 firsts[8]; };
 layout(set = 0, binding = 8) writeonly buffer Edges { float edges[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
 #define features messages  // vectors are read from these
+#define POSITION(at) VEC4_OF(Positions, at)
 #include "common/pair_edge.glsl"
 
 const int EDGE = FEATURE_STRIDE + 8;
 
-vec4 part_sum(uint edge, int a, int b, int c) {
+vec4 part_sum(uint slot, int a, int b, int c) {
   const int q = b > 0 ? 1 : 0, from = 2 * (a > 0 ? 1 : 0) + q;
   const int i = max(a - 1, 0), j = max(b - 1, 0);
   vec4 sum = vec4(0);
@@ -46,7 +48,7 @@ vec4 part_sum(uint edge, int a, int b, int c) {
     [[unroll]] for (int to = 0; to < 4; ++to) {
       const int n1 = from / 2 + to / 2 == 2 ? 3 : 1, n2 = from % 2 + to % 2 == 2 ? 3 : 1;
       if (i < n1 && j < n2)
-        sum += d_features[(firsts[4 * set + to][from] + c * n1 * n2 + i * n2 + j) * p.edges + edge];
+        sum += VEC4_OF(D_features, (firsts[4 * set + to][from] + c * n1 * n2 + i * n2 + j) * p.edges + slot);
     }
   return sum;
 }
@@ -74,16 +76,16 @@ vec3 move(Side side, vec3 torque, vec3 turned_torque, float d_norm) {
 
 void main() {
   const bool inside = gl_GlobalInvocationID.x < p.edges;
-  const uint edge = min(gl_GlobalInvocationID.x, p.edges - 1u);
-  const PairEdge sides = pair_edge(p.first_node + edge / K, index[edge]);
+  const uint slot = min(gl_GlobalInvocationID.x, p.edges - 1u), edge = order[slot].x;
+  const PairEdge sides = pair_edge(p.first_node + edge / K, order[slot].y);
   const vec3 x1 = sides.source.axes[0], y1 = sides.source.axes[1], z1 = sides.source.axes[2];
   const vec3 x2 = sides.reference.axes[0], y2 = sides.reference.axes[1], z2 = sides.reference.axes[2];
   vec3 turned_torque1 = vec3(0), turned_torque2 = vec3(0);
   for (int c = 0; c < IN4; ++c) {
     vec4 f[16], d[16];
     [[unroll]] for (int i = 0; i < 16; ++i) {
-      f[i] = turned[(i * IN4 + c) * p.edges + edge];
-      d[i] = part_sum(edge, i / 4, i % 4, c);
+      f[i] = VEC4_OF(Turned, (i * IN4 + c) * p.edges + slot);
+      d[i] = part_sum(slot, i / 4, i % 4, c);
     }
     [[unroll]] for (int i = 0; i < 4; ++i) {
       turned_torque1 += cross_sum(f, d, 4 + i, 4);
@@ -118,7 +120,7 @@ void main() {
       torque2 += message_torque(message + MESSAGE3 + 9 * o + 3 * i, 1);
     }
   vec2 d_norms = vec2(0);
-  for (int t = 0; t < TABLES; ++t) d_norms += d_radial[t * p.edges + edge].xy;
+  for (int t = 0; t < TABLES; ++t) d_norms += VEC4_OF(D_radial, t * p.edges + slot).xy;
   const vec3 d1 = move(sides.source, torque1, turned_torque1, d_norms.x);
   const vec3 d2 = move(sides.reference, torque2, turned_torque2, d_norms.y);
   if (inside) {

@@ -13,14 +13,15 @@
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint SECTORS = 64;
 layout(constant_id = 2) const uint TABLES = 20;
 layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
 layout(set = 0, binding = 1) readonly buffer Lists { uint lists[]; };
-layout(set = 0, binding = 2) readonly buffer Factors { vec4 factors[]; };
-layout(set = 0, binding = 3) readonly buffer DRadial { vec4 d_radial[]; };
+READ_VEC4S(2, Factors);
+READ_VEC4S(3, D_radial);
 layout(set = 0, binding = 4) uniform Heads { uvec4 heads[3 * TABLES]; };
 layout(set = 0, binding = 5) uniform Tables { uvec4 tables[2 * TABLES]; };
 layout(set = 0, binding = 6) buffer Result { float result[]; };
@@ -38,8 +39,8 @@ void main() {
   [[unroll]] for (int i = 0; i < 6; ++i) sum[i] = 0.0;
   for (uint i = begin; i < end; ++i) {
     const uint edge = first_form ? i : lists[table * p.edges + i];
-    const vec4 x = factors[table * p.edges + edge];
-    const vec2 lengths = factors[TABLES * p.edges + edge].xy, d = d_radial[table * p.edges + edge].zw;
+    const vec4 x = VEC4_OF(Factors, table * p.edges + edge);
+    const vec2 lengths = VEC4_OF(Factors, TABLES * p.edges + edge).xy, d = VEC4_OF(D_radial, table * p.edges + edge).zw;
     const vec2 u = first_form ? ((head.w & SWAPPED) != 0u ? lengths.yx : lengths) : x.w > 0.0 ? x.xy / x.z : vec2(0);
     const float g = first_form ? d.y : d.x;
     sum[0] += g * u.x * u.x;

@@ -1,5 +1,5 @@
 // pair_gradient_kernels.comp: the gradient of a part of a two-sided kernel (one degree in, one out) in the edges' frames:
-// of its radial coefficients, of the features it reads, and of the lengths; an invocation per edge and part. A dispatch
+// of its radial coefficients, of the features it reads, and of the lengths; an invocation per edge, in their order, and part. A dispatch
 // takes parts alike: N1 and N2 components on the two sides, 3 from degree 1 to 1 and 1 otherwise.
 // in  0 turned   f32[16·IN4,E,4]  features in the frames: common/pair_record.glsl
 // in  1 d_turned f32[M,E]         gradients of the messages in the frames
@@ -16,13 +16,21 @@
 // spec 0 WORKGROUP=32  1 N1≤3  2 N2≤3  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17 PER_PART≤2  18 D
 //      19 PARTS
 // grid (ceil(E / WORKGROUP), parts) | shared 0 KiB
-// loops ≤ IN4·(1 + channels out) < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ IN4·(1 + channels out·(1 + 2·32·3)) < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
+#ifdef TEXELS
+#define SHUFFLE
+#endif
+#ifdef SHUFFLE
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "common/pair_layer.glsl"
 #include "common/parameters.glsl"
 #include "common/pair_record.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int N1 = 3;
@@ -31,17 +39,18 @@ layout(constant_id = 17) const int PER_PART = 2;  // tables of a part
 layout(constant_id = 18) const uint D = 144;      // vec4s of an edge's coefficients
 layout(constant_id = 19) const int PARTS = 16;
 
-layout(set = 0, binding = 0) readonly buffer Turned { vec4 turned[]; };
+READ_VEC4S(0, Turned);
 layout(set = 0, binding = 1) readonly buffer DTurned { float d_turned[]; };
-layout(set = 0, binding = 2) readonly buffer Factors { vec4 factors[]; };
+READ_VEC4S(2, Factors);
 layout(set = 0, binding = 3) readonly buffer Ids { uint ids[]; };
-layout(set = 0, binding = 4) readonly buffer Sectors { vec4 sectors[]; };
+READ_VEC4S(4, Sectors);
 layout(set = 0, binding = 5) uniform Heads { uvec4 heads[3 * TABLES]; };
 layout(set = 0, binding = 6) uniform Blocks { uvec4 blocks[2 * PARTS]; };
 layout(set = 0, binding = 7) writeonly buffer DCoefficients { vec4 d_coefficients[]; };
 layout(set = 0, binding = 8) writeonly buffer DFeatures { vec4 d_features[]; };
 layout(set = 0, binding = 9) writeonly buffer DRadial { vec4 d_radial[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
+#include "common/pair_columns.glsl"
 
 const float DIRECTION_EPS = 1e-12;  // ops::direction_eps
 const uint SWAPPED = 1u, DEGREE1 = 2u;
@@ -97,8 +106,8 @@ vec4 radial_gradient(uint table, vec3 b, vec2 lengths, vec4 x, uint at) {
   const uvec4 head = heads[3 * table];
   const bool swapped = (head.w & SWAPPED) != 0u;
   if ((head.w & DEGREE1) != 0u) return vec4(swapped ? b.yx : b.xy, 0, 0);
-  const vec4 form = uintBitsToFloat(heads[3 * table + 1]), Q = sectors[at - 2u];
-  const vec2 Q1 = sectors[at - 1u].xy, r = swapped ? lengths.yx : lengths;
+  const vec4 form = uintBitsToFloat(heads[3 * table + 1]), Q = VEC4_OF(Sectors, at - 2u);
+  const vec2 Q1 = VEC4_OF(Sectors, at - 1u).xy, r = swapped ? lengths.yx : lengths;
   const float scale = 1.0 / sqrt(form.x * r.x * r.x + form.y * r.x * r.y + form.z * r.y * r.y + form.w);
   const vec2 u = r * scale;
   const float v = x.z;
@@ -110,22 +119,47 @@ vec4 radial_gradient(uint table, vec3 b, vec2 lengths, vec4 x, uint at) {
   return x.w > 0.0 ? vec4(swapped ? d_r.yx : d_r, d_second, d_first) : vec4(0);
 }
 
+vec4 x[PER_PART];
+uint at[PER_PART];
+vec3 products[PER_PART];
+bool linear[PER_PART];
+
+// What table t adds to the coefficients, and the gradient's products with its columns.
+void add_columns(const int t, uint shift, uint step) {
+  const uint first = at[t] + shift;
+  waits = true;
+  for (uint i = 0; i < MOST_SECTORS && next_sector(first); ++i) {
+    const float here = first == sector ? 1.0 : 0.0;
+    for (int pair = 0; pair < (LINEAR && linear[t] ? 1 : 2); ++pair) {  // of columns
+      const vec2 factor = here * (pair == 0 ? x[t].xy : x[t].zw);
+      vec2 product = vec2(0);
+      [[unroll]] for (int row = 0; row < 2 * N; row += ROWS_AT_ONCE) {
+        const LOADED loaded = load_rows(2 * N * pair + row, 2 * N * (pair + 1), step);
+        [[unroll]] for (int more = 0; more < ROWS_AT_ONCE; ++more)
+          if (row + more < 2 * N) {
+            const vec4 weights = row_of(loaded, 2 * N * pair + row, more, step);
+            const int f = (row + more) % N, column = (row + more) / N;
+            coefficient[f] += factor[column] * weights;
+            product[column] += dot(d_coefficient[f], weights);
+          }
+      }
+      products[t] += here * (pair == 0 ? vec3(product, 0) : vec3(0, 0, product.x));
+    }
+  }
+}
+
 void main() {
   const bool inside = gl_GlobalInvocationID.x < p.edges;
   const uint edge = min(gl_GlobalInvocationID.x, p.edges - 1u), part = p.first_block + gl_WorkGroupID.y;
   const uvec4 places = blocks[2 * part], more = blocks[2 * part + 1];
   const uint channels = places.z, dim = places.w & 0xffu, across = places.w >> 8, step = IN4 * channels;
   const bool differs1 = (more.w & 1u) != 0u, differs2 = (more.w & 2u) != 0u;
-  const vec2 lengths = factors[TABLES * p.edges + edge].xy, norm = min(lengths / DIRECTION_EPS, 1.0);
+  const vec2 lengths = VEC4_OF(Factors, TABLES * p.edges + edge).xy, norm = min(lengths / DIRECTION_EPS, 1.0);
 
-  vec4 x[PER_PART];
-  uint at[PER_PART];
-  vec3 products[PER_PART];
-  bool linear[PER_PART];
   [[unroll]] for (int t = 0; t < PER_PART; ++t) {
     const uint table = more.z + t;
     const uvec4 head = heads[3 * table];
-    x[t] = factors[table * p.edges + edge];
+    x[t] = VEC4_OF(Factors, table * p.edges + edge);
     linear[t] = (head.w & DEGREE1) != 0u;
     at[t] = head.y + ids[table * p.edges + edge] * head.z + (linear[t] ? 0u : 2u);
     products[t] = vec3(0);
@@ -134,7 +168,7 @@ void main() {
   for (int c = 0; c < IN4; ++c) {
     vec4 feature[N], d_feature[N];
     [[unroll]] for (int i = 0; i < N; ++i) {
-      feature[i] = turned[((places.x + COMPONENT(i / N2, i % N2)) * IN4 + c) * p.edges + edge];
+      feature[i] = VEC4_OF(Turned, ((places.x + COMPONENT(i / N2, i % N2)) * IN4 + c) * p.edges + edge);
       d_feature[i] = vec4(0);
     }
     for (uint o = 0; o < channels; ++o) {
@@ -151,19 +185,8 @@ void main() {
                 side_sign(to / N2, from / N2) * side_sign(to % N2, from % N2) * d[to] * feature[from];
           }
       shorten_gradient(norm, differs1, differs2);
-      [[unroll]] for (int t = 0; t < PER_PART; ++t) {
-        [[unroll]] for (int f = 0; f < N; ++f) {
-          const uint column = at[t] + f * step + c * channels + o;
-          const vec4 first = sectors[column], second = sectors[column + N * step];
-          coefficient[f] += x[t].x * first + x[t].y * second;
-          products[t].xy += vec2(dot(d_coefficient[f], first), dot(d_coefficient[f], second));
-          if (!LINEAR || !linear[t]) {
-            const vec4 third = sectors[column + 2 * N * step];
-            coefficient[f] += x[t].z * third + x[t].w * sectors[column + 3 * N * step];
-            products[t].z += dot(d_coefficient[f], third);
-          }
-        }
-      }
+      add_columns(0, c * channels + o, step);
+      if (PER_PART == 2) add_columns(PER_PART - 1, c * channels + o, step);
       if (inside) {
         [[unroll]] for (int f = 0; f < N; ++f)
           d_coefficients[edge * D + more.x + f * step + c * channels + o] = d_coefficient[f];

@@ -14,6 +14,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint SECTORS = 64;
@@ -22,8 +23,8 @@ layout(constant_id = 3) const uint IN4 = 1;
 layout(constant_id = 4) const uint D = 144;
 layout(set = 0, binding = 0) readonly buffer Begins { uint begins[]; };
 layout(set = 0, binding = 1) readonly buffer Lists { uint lists[]; };
-layout(set = 0, binding = 2) readonly buffer Factors { vec4 factors[]; };
-layout(set = 0, binding = 3) readonly buffer DCoefficients { vec4 d_coefficients[]; };
+READ_VEC4S(2, Factors);
+READ_VEC4S(3, D_coefficients);
 layout(set = 0, binding = 4) uniform Tables { uvec4 tables[2 * TABLES]; };
 layout(set = 0, binding = 5) buffer Result { float result[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
@@ -42,8 +43,8 @@ void main() {
   [[unroll]] for (int k = 0; k < 4; ++k) sum[0][k] = sum[1][k] = vec4(0);
   for (uint i = begin; i < end; ++i) {
     const uint edge = lists[table * p.edges + i];
-    const vec4 x = factors[table * p.edges + edge];
-    const vec4 d0 = d_coefficients[edge * D + column], d1 = d_coefficients[edge * D + second];
+    const vec4 x = VEC4_OF(Factors, table * p.edges + edge);
+    const vec4 d0 = VEC4_OF(D_coefficients, edge * D + column), d1 = VEC4_OF(D_coefficients, edge * D + second);
     [[unroll]] for (int k = 0; k < 4; ++k) {
       sum[0][k] += x[k] * d0;
       sum[1][k] += x[k] * d1;

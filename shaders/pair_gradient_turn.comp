@@ -1,7 +1,7 @@
-// pair_gradient_turn.comp: neighbours' features and the gradients of messages in the edges' own frames, an invocation per
-// edge and four channels of the features, or one of the messages.
+// pair_gradient_turn.comp: neighbours' features and the gradients of messages in the edges' own frames, in their order; an
+// invocation per edge and four channels of the features, or one of the messages.
 // in  0 features   f32[B·KEYS,F]  four degrees of IN0 … IN3 channels, padded to F, a multiple of 4
-// in  1 index      u32[N,K]       of the run's N nodes
+// in  1 order      u32[N·K,2]     of the run's edges: edge, neighbour
 // in  2 positions  f32[B·KEYS,8]  xyz of the source, xyz of the reference, 0 0
 // in  3 d_messages f32[N·K,M]     gradient of the messages
 // out 4 turned     f32[16·IN4,N·K,4] by component, channels in vec4s, edge: common/pair_record.glsl
@@ -20,7 +20,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint K = 24;
 layout(constant_id = 2) const uint THIRD = 0;
 layout(set = 0, binding = 0) readonly buffer Features { float features[]; };
-layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
+layout(set = 0, binding = 1) readonly buffer Order { uvec2 order[]; };
 layout(set = 0, binding = 2) readonly buffer Positions { vec4 positions[]; };
 layout(set = 0, binding = 3) readonly buffer DMessages { float d_messages[]; };
 layout(set = 0, binding = 4) writeonly buffer Turned { vec4 turned[]; };
@@ -28,7 +28,7 @@ layout(set = 0, binding = 5) writeonly buffer DTurned { float d_turned[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
 #include "common/pair_edge.glsl"
 
-void turn_features(uint edge, uint row, PairEdge sides, uint quad, bool inside) {
+void turn_features(uint slot, uint row, PairEdge sides, uint quad, bool inside) {
   const vec3 x1 = sides.source.axes[0], y1 = sides.source.axes[1], z1 = sides.source.axes[2];
   const vec3 x2 = sides.reference.axes[0], y2 = sides.reference.axes[1], z2 = sides.reference.axes[2];
   vec4 parts[16];
@@ -49,26 +49,26 @@ void turn_features(uint edge, uint row, PairEdge sides, uint quad, bool inside) 
     }
   }
   if (inside) {
-    [[unroll]] for (int i = 0; i < 16; ++i) turned[(i * IN4 + quad) * p.edges + edge] = parts[i];
+    [[unroll]] for (int i = 0; i < 16; ++i) turned[(i * IN4 + quad) * p.edges + slot] = parts[i];
   }
 }
 
 vec3 message_gradient(uint at) { return vec3(d_messages[at], d_messages[at + 1u], d_messages[at + 2u]); }
 
-void turn_messages(uint edge, PairEdge sides, uint o, bool inside) {
+void turn_messages(uint slot, uint edge, PairEdge sides, uint o, bool inside) {
   const vec3 x1 = sides.source.axes[0], y1 = sides.source.axes[1], z1 = sides.source.axes[2];
   const vec3 x2 = sides.reference.axes[0], y2 = sides.reference.axes[1], z2 = sides.reference.axes[2];
   const uint at = edge * MESSAGE_STRIDE;
-  if (inside && o < MESSAGES(0)) d_turned[o * p.edges + edge] = d_messages[at + o];
+  if (inside && o < MESSAGES(0)) d_turned[o * p.edges + slot] = d_messages[at + o];
   if (inside && o < MESSAGES(1)) {
     const uint m = MESSAGE1 + 3 * o;
     const vec3 d = turn_into(message_gradient(at + m), x2, y2, z2);
-    [[unroll]] for (int b = 0; b < 3; ++b) d_turned[(m + b) * p.edges + edge] = d[b];
+    [[unroll]] for (int b = 0; b < 3; ++b) d_turned[(m + b) * p.edges + slot] = d[b];
   }
   if (inside && o < MESSAGES(2)) {
     const uint m = MESSAGE2 + 3 * o;
     const vec3 d = turn_into(message_gradient(at + m), x1, y1, z1);
-    [[unroll]] for (int a = 0; a < 3; ++a) d_turned[(m + a) * p.edges + edge] = d[a];
+    [[unroll]] for (int a = 0; a < 3; ++a) d_turned[(m + a) * p.edges + slot] = d[a];
   }
   if (inside && o < MESSAGES(3)) {
     const uint m = MESSAGE3 + 9 * o;
@@ -77,17 +77,18 @@ void turn_messages(uint edge, PairEdge sides, uint o, bool inside) {
     [[unroll]] for (int a = 0; a < 3; ++a) {
       const vec3 along = a == 0 ? x1 : a == 1 ? y1 : z1;
       const vec3 both = turn_back(along, d[0], d[1], d[2]);
-      [[unroll]] for (int b = 0; b < 3; ++b) d_turned[(m + 3 * a + b) * p.edges + edge] = both[b];
+      [[unroll]] for (int b = 0; b < 3; ++b) d_turned[(m + 3 * a + b) * p.edges + slot] = both[b];
     }
   }
 }
 
 void main() {
   const bool inside = gl_GlobalInvocationID.x < p.edges;
-  const uint edge = min(gl_GlobalInvocationID.x, p.edges - 1u), item = gl_WorkGroupID.y;
-  const PairEdge sides = pair_edge(p.first_node + edge / K, index[edge]);
+  const uint slot = min(gl_GlobalInvocationID.x, p.edges - 1u), item = gl_WorkGroupID.y;
+  const uvec2 ends = order[slot];
+  const PairEdge sides = pair_edge(p.first_node + ends.x / K, ends.y);
   if (item < IN4)
-    turn_features(edge, index[edge] * FEATURE_STRIDE, sides, item, inside);
+    turn_features(slot, ends.y * FEATURE_STRIDE, sides, item, inside);
   else
-    turn_messages(edge, sides, item - IN4, inside);
+    turn_messages(slot, ends.x, sides, item - IN4, inside);
 }

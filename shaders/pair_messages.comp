@@ -1,188 +1,182 @@
-// pair_messages.comp: messages of a two-sided layer, for the edges where sector tables answer; see
+// pair_messages.comp: messages of a two-sided layer, for the edges where sector tables answer, an invocation per edge; see
 // src/ops/pair_attention.hpp.
 // in  0 features  f32[B·KEYS,F]  four degrees of IN0 … IN3 channels, padded to F, a multiple of 4
-// in  1 index     u32[N,K]       of the run's N nodes
+// in  1 order     u32[N·K,2]     of the run's edges: edge, neighbour
 // in  2 positions f32[B·KEYS,8]  xyz of the source, xyz of the reference, 0 0
 // con 3 heads     u32[TABLES,12] this and the next two: common/pair_tables.glsl
 // in  4 rays      f32[R]
 // in  5 sectors   f32[S,4]
-// out 6 messages  f32[N·K,M]     [values ; keys] by degree; padded to M, a multiple of 4
+// mod 6 messages  f32[N·K,M]     [values ; keys] by degree; padded to M, a multiple of 4
 // out 7 rare      u32[N·K]       1: pair_networks.comp has to answer
-// spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤16  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
-// grid ceil(N·K / EDGES) | shared EDGES·(100 + 256·IN4 + 16·TABLES) bytes ≤ 16 KiB
-// loops ≤ TABLES + ⌈EDGES·IN4/8⌉ + ⌈EDGES·TABLES/32⌉·(1 + SEARCH) + 4·⌈EDGES·(VALUES + KEYS)/32⌉·(2 + 24·IN4) < 65535,
-//       as src/vk/pair_attention.cpp sees to
+// spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
+// grid ceil(N·K / WORKGROUP) | shared 0 KiB
+// loops ≤ IN4·(TABLES·SEARCH + 8·(VALUES + KEYS)·(1 + 32·6)) < 65535, as src/vk/pair_messages.cpp sees to
 // error: with the rest of the layer 5e-5 of the largest output entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
+#ifdef TEXELS
+#define SHUFFLE
+#endif
+#ifdef SHUFFLE
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "common/pair_layer.glsl"
 #include "common/parameters.glsl"
+#include "common/pair_record.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint K = 24;
-layout(constant_id = 2) const uint EDGES = 8;
+layout(constant_id = 2) const uint THIRD = 0;
 
 layout(set = 0, binding = 0) readonly buffer Features { float features[]; };
-layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
-layout(set = 0, binding = 2) readonly buffer Positions { vec4 positions[]; };
+layout(set = 0, binding = 1) readonly buffer Order { uvec2 order[]; };
+READ_VEC4S(2, Positions);
 layout(set = 0, binding = 3) uniform Heads { uvec4 heads[3 * TABLES]; };
 layout(set = 0, binding = 4) readonly buffer Rays { float rays[]; };
-layout(set = 0, binding = 5) readonly buffer Sectors { vec4 sectors[]; };
-layout(set = 0, binding = 6) writeonly buffer Messages { float messages[]; };
+READ_VEC4S(5, Sectors);
+layout(set = 0, binding = 6) buffer Messages { float messages[]; };
 layout(set = 0, binding = 7) writeonly buffer Rare { uint rare[]; };
 layout(push_constant) uniform Push { PairParameters p; };
+#define SECTOR(at) VEC4_OF(Sectors, at)
+#define POSITION(at) VEC4_OF(Positions, at)
 #include "common/pair_edge.glsl"
 #include "common/pair_tables.glsl"
+#include "common/pair_columns.glsl"
 
-const uint LANES = gl_WorkGroupSize.x;
-const uint NETWORK = 0x80000000u;
+PairEdge sides;
+bool any_network = false;
+vec4 turned[16];       // features in the frames, four channels
+vec4 coefficient[9];   // of one part, four channels in, one out
+vec3 message[3];       // rows: the first side's components
 
-shared uint neighbour[EDGES];
-shared vec4 axis[6 * EDGES];           // of both sides; w: the side's length
-shared vec4 turned[16 * IN4 * EDGES];  // features in the frames, by component 4·a + b, a and b of 0 | 1 2 3
-shared uvec4 radial[TABLES * EDGES];   // floats: factors of a table's columns but the last; where they begin, NETWORK
-
-vec3 message[3];  // rows: the first side's components
-
-void load_edges(uint first, uint edges) {
-  for (uint e = gl_LocalInvocationID.x; e < EDGES; e += LANES) {
-    const uint edge = min(first + e, edges - 1u);
-    neighbour[e] = index[edge];
-    const PairEdge sides = pair_edge(p.first_node + edge / K, index[edge]);
-    [[unroll]] for (int a = 0; a < 3; ++a) {
-      axis[6u * e + a] = vec4(sides.source.axes[a], sides.source.norm);
-      axis[6u * e + 3u + a] = vec4(sides.reference.axes[a], sides.reference.norm);
-    }
+// Code for every degree d is written out where invocations share columns, since loops that hold loops unroll nowhere;
+// looped elsewhere, where some drivers need gigabytes to compile code so long.
+#ifdef SHUFFLE
+#define UNROLL [[unroll]]
+#define FOR_DEGREES(d, call)    \
+  {                             \
+    { const int d = 0; call; }  \
+    { const int d = 1; call; }  \
+    { const int d = 2; call; }  \
+    { const int d = 3; call; }  \
   }
-}
+#else
+#define UNROLL [[dont_unroll]]
+#define FOR_DEGREES(d, call) [[dont_unroll]] for (int d = 0; d < 4; ++d) call
+#endif
 
-void turn_features() {
-  for (uint i = gl_LocalInvocationID.x; i < 4u * IN4 * EDGES; i += LANES) {
-    const uint e = i / (4u * IN4), c = i % (4u * IN4);
-    const uint row = neighbour[e] * FEATURE_STRIDE;
-    const vec3 x1 = axis[6u * e].xyz, y1 = axis[6u * e + 1u].xyz, z1 = axis[6u * e + 2u].xyz;
-    const vec3 x2 = axis[6u * e + 3u].xyz, y2 = axis[6u * e + 4u].xyz, z2 = axis[6u * e + 5u].xyz;
+#define AXIS1(a) sides.source.axes[a]
+#define AXIS2(a) sides.reference.axes[a]
+
+void turn_features(uint row, uint quad) {
+  UNROLL for (uint lane = 0; lane < 4u; ++lane) {
+    const uint c = 4u * quad + lane;
     const vec3 first = c < IN2 ? vector_feature(row + FEATURE2 + 3u * c) : vec3(0);
     const vec3 second = c < IN1 ? vector_feature(row + FEATURE1 + 3u * c) : vec3(0);
     vec3 both[3];
     [[unroll]] for (int a = 0; a < 3; ++a)
       both[a] = c < IN3 ? vector_feature(row + FEATURE3 + 9u * c + 3u * a) : vec3(0);
-
-    const uint at = 16u * IN4 * e + c / 4u, lane = c % 4u;
-    turned[at][lane] = c < IN0 ? features[row + c] : 0.0;
-    const vec3 first_in = turn_into(first, x1, y1, z1), second_in = turn_into(second, x2, y2, z2);
+    turned[0][lane] = c < IN0 ? features[row + c] : 0.0;
     [[unroll]] for (int a = 0; a < 3; ++a) {
-      turned[at + (1 + a) * IN4][lane] = second_in[a];
-      turned[at + 4 * (1 + a) * IN4][lane] = first_in[a];
-      const vec3 along = a == 0 ? x1 : a == 1 ? y1 : z1;
-      const vec3 in_both = turn_into(turn_back(along, both[0], both[1], both[2]), x2, y2, z2);
-      [[unroll]] for (int b = 0; b < 3; ++b) turned[at + (4 * (1 + a) + 1 + b) * IN4][lane] = in_both[b];
+      turned[COMPONENT(0, 1 + a)][lane] = dot(AXIS2(a), second);
+      turned[COMPONENT(1 + a, 0)][lane] = dot(AXIS1(a), first);
+      const vec3 half_turned = turn_back(AXIS1(a), both[0], both[1], both[2]);
+      [[unroll]] for (int b = 0; b < 3; ++b) turned[COMPONENT(1 + a, 1 + b)][lane] = dot(AXIS2(b), half_turned);
     }
   }
 }
 
-void find_sectors() {
-  for (uint i = gl_LocalInvocationID.x; i < TABLES * EDGES; i += LANES) {
-    const uint e = i % EDGES, table = i / EDGES;
-    const RadialInput found = radial_input(table, vec2(axis[6u * e].w, axis[6u * e + 3u].w));
-    radial[e * TABLES + table] = uvec4(floatBitsToUint(found.x.xyz), found.columns | (found.network ? NETWORK : 0u));
-  }
-}
-
-// One side of the kernel in its frame: c on the axis and between degrees; from 1 to 1 also c₁·1 + c₂·𝒥 on the plane
-// across the axis.
-vec3 apply(const bool vectors, vec4 c[3], vec4 x, vec4 y, vec4 z) {
-  return vectors ? vec3(dot(c[0], x), dot(c[1], y) - dot(c[2], z), dot(c[1], z) + dot(c[2], y))
-                 : vec3(dot(c[0], x), 0, 0);
-}
-
-// To channel o of degree (P, Q). The first side's terms, (degree in, freq), go round in a loop, or the code is long
-// to compile: (0,0), (1,0), and to degree 1 also (1,1), (1,2).
-void add_messages(const int P, const int Q, uint e, uint o) {
-  const int to = 2 * P + Q;
-  const bool key = LINEAR && o >= VALUES(to);
-  const uint channels = LINEAR ? (key ? KEYS(to) : VALUES(to)) : MESSAGES(to);
-  const uint step = IN4 * channels;
-  [[unroll]] for (int a = 0; a < 3; ++a) message[a] = vec3(0);
-  [[dont_unroll]] for (uint i = 0; i < 2 * (1 + P) * IN4; ++i) {
-    const uint term = i / IN4, c = i % IN4;
-    const uint p = min(term, 1u), freq = term - p, n1 = P * p == 1u ? 3u : 1u;
-    const uint channel = c * channels + (key ? o - VALUES(to) : o);
-    [[unroll]] for (int q = 0; q < 2; ++q) {
-      const bool vectors = q * Q == 1;
-      const int n2 = vectors ? 3 : 1;
-      const uint rows = n1 * n2 * step, first = e * TABLES + (key ? SET : 0) + FIRST_TABLE(2u * p + q, to);
-      vec4 coefficient[3] = {vec4(0), vec4(0), vec4(0)};
-      [[dont_unroll]] for (uint table = first; table < first + TABLES_OF(2u * p + q, to); ++table) {
-        const uvec4 factors = radial[table];
-        const vec3 x = uintBitsToFloat(factors.xyz);
-        const uint at = (factors.w & ~NETWORK) + freq * n2 * step + channel;
-        [[unroll]] for (int f = 0; f < n2; ++f)
-          coefficient[f] += x.x * sectors[at + f * step] + x.y * sectors[at + rows + f * step];
-        if (!LINEAR || key) {
-          [[unroll]] for (int f = 0; f < n2; ++f)
-            coefficient[f] += x.z * sectors[at + 2u * rows + f * step] + sectors[at + 3u * rows + f * step];
-        }
-      }
-
-      const uint from = (16u * e + 4u * (p + freq) + q) * IN4 + c;
-      const vec4 y = vectors ? turned[from + IN4] : vec4(0), z = vectors ? turned[from + 2 * IN4] : vec4(0);
-      const vec3 along = apply(vectors, coefficient, turned[from], y, z);
-      if (P == 0) {
-        message[0] += along;
-      } else {
-        vec3 across = vec3(0);
-        if (freq > 0u) {
-          const uint other = (16u * e + 4u * (p + 3u - freq) + q) * IN4 + c;
-          const vec4 y2 = vectors ? turned[other + IN4] : vec4(0), z2 = vectors ? turned[other + 2 * IN4] : vec4(0);
-          across = apply(vectors, coefficient, turned[other], y2, z2);
-        }
-        message[0] += freq == 0u ? along : vec3(0);
-        message[1] += freq == 1u ? along : freq == 2u ? -along : vec3(0);
-        message[2] += across;
-      }
+void add_columns(const int n, const int columns, uint at, vec4 x, uint step) {
+  waits = true;
+  for (uint i = 0; i < MOST_SECTORS && next_sector(at); ++i) {
+    const vec4 y = at == sector ? x : vec4(0);
+    UNROLL for (int row = 0; row < n * columns; row += ROWS_AT_ONCE) {
+      const LOADED loaded = load_rows(row, n * columns, step);
+      UNROLL for (int more = 0; more < ROWS_AT_ONCE; ++more)
+        if (row + more < n * columns)
+          coefficient[(row + more) % n] += y[(row + more) / n] * row_of(loaded, row, more, step);
     }
   }
 }
 
-void send(const int P, const int Q, uint first, uint edges) {
-  const int to = 2 * P + Q;
-  for (uint i = gl_LocalInvocationID.x; i < MESSAGES(to) * EDGES; i += LANES) {
-    const uint e = i / MESSAGES(to), o = i % MESSAGES(to);
-    add_messages(P, Q, e, o);
+// In the frames, from degree (p, q) to (P, Q), whose coefficients are made.
+void add_messages(const int P, const int Q, const int p, const int q) {
+  const int n1 = P * p == 1 ? 3 : 1, n2 = Q * q == 1 ? 3 : 1;
+  UNROLL for (int to = 0; to < n1 * n2; ++to)
+    UNROLL for (int from = 0; from < n1 * n2; ++from)
+      if (couples(n1, to / n2, from / n2) && couples(n2, to % n2, from % n2)) {
+        const int f = (n1 == 1 ? 0 : frequency(to / n2, from / n2)) * n2 +
+                      (n2 == 1 ? 0 : frequency(to % n2, from % n2));
+        message[to / n2][to % n2] += side_sign(to / n2, from / n2) * side_sign(to % n2, from % n2) *
+                                     dot(coefficient[f], turned[COMPONENT(p + from / n2, q + from % n2)]);
+      }
+}
+
+vec4 x[6];  // of the tables to one degree out: what multiplies the columns, and where those begin
+uint at[6];
+
+void find_sector(const int i, const int table, uint shift) {
+  const RadialInput found = radial_input(table, vec2(sides.source.norm, sides.reference.norm));
+  x[i] = found.x;
+  at[i] = found.columns + shift;
+  any_network = any_network || found.network;
+}
+
+void find_sectors(const int from, const int to, const int set, uint shift) {
+  const int table = set * SET + FIRST_TABLE(from, to), i = FIRST_TABLE(from, to) - FIRST_TABLE(0, to);
+  find_sector(i, table, shift);
+  if (TABLES_OF(from, to) == 2) find_sector(i + 1, table + 1, shift);
+}
+
+void add_part(const int from, const int P, const int Q, const int columns, uint o, uint step) {
+  const int to = 2 * P + Q, i = FIRST_TABLE(from, to) - FIRST_TABLE(0, to);
+  const int n = (P * (from / 2) == 1 ? 3 : 1) * (Q * (from % 2) == 1 ? 3 : 1);
+  [[unroll]] for (int f = 0; f < n; ++f) coefficient[f] = vec4(0);
+  add_columns(n, columns, at[i] + o, x[i], step);
+  if (TABLES_OF(from, to) == 2) add_columns(n, columns, at[i + 1] + o, x[i + 1], step);
+  add_messages(P, Q, from / 2, from % 2);
+}
+
+// To channels out of degree (P, Q), of input quad c. `set`: values, then keys, where they are apart.
+void send(const int P, const int Q, const int set, uint c, uint edge, bool inside) {
+  const int to = 2 * P + Q, columns = LINEAR && set == 0 ? 2 : 4;
+  const uint begin = set == 1 ? VALUES(to) : 0u;
+  const uint channels = LINEAR ? (set == 1 ? KEYS(to) : VALUES(to)) : MESSAGES(to), step = IN4 * channels;
+  FOR_DEGREES(from, find_sectors(from, to, set, c * channels));
+  for (uint o = 0; o < channels; ++o) {
+    [[unroll]] for (int a = 0; a < 3; ++a) message[a] = vec3(0);
+    FOR_DEGREES(from, add_part(from, P, Q, columns, o, step));
     if (Q == 1) {
-      const vec3 x = axis[6u * e + 3u].xyz, y = axis[6u * e + 4u].xyz, z = axis[6u * e + 5u].xyz;
-      [[unroll]] for (int a = 0; a <= 2 * P; ++a) message[a] = turn_back(message[a], x, y, z);
+      [[unroll]] for (int a = 0; a <= 2 * P; ++a) message[a] = turn_back(message[a], AXIS2(0), AXIS2(1), AXIS2(2));
     }
     if (P == 1) {
-      const vec3 x = axis[6u * e].xyz, y = axis[6u * e + 1u].xyz, z = axis[6u * e + 2u].xyz;
       const vec3 m0 = message[0], m1 = message[1], m2 = message[2];
-      [[unroll]] for (int a = 0; a < 3; ++a) message[a] = x[a] * m0 + y[a] * m1 + z[a] * m2;
+      [[unroll]] for (int a = 0; a < 3; ++a) message[a] = AXIS1(0)[a] * m0 + AXIS1(1)[a] * m1 + AXIS1(2)[a] * m2;
     }
-    const uint at = (first + e) * MESSAGE_STRIDE + MESSAGE(to) + o * DIM(to);
-    if (first + e < edges) {
+    const uint to_at = edge * MESSAGE_STRIDE + MESSAGE(to) + (begin + o) * DIM(to);
+    if (inside) {
       [[unroll]] for (int a = 0; a <= 2 * P; ++a)
-        [[unroll]] for (int b = 0; b <= 2 * Q; ++b) messages[at + (2 * Q + 1) * a + b] = message[a][b];
+        [[unroll]] for (int b = 0; b <= 2 * Q; ++b) {
+          const uint place = to_at + (2 * Q + 1) * a + b;
+          messages[place] = IN4 > 1 && c > 0u ? messages[place] + message[a][b] : message[a][b];
+        }
     }
   }
 }
 
 void main() {
-  const uint first = gl_WorkGroupID.x * EDGES, edges = p.nodes * K;
-  load_edges(first, edges);
-  barrier();
-  turn_features();
-  find_sectors();
-  barrier();
-  for (uint e = gl_LocalInvocationID.x; e < EDGES; e += LANES) {
-    uint any = 0u;
-    for (int t = 0; t < TABLES; ++t) any |= radial[e * TABLES + t].w;
-    const bool plain = axis[6u * e].w >= DIRECTION_EPS && axis[6u * e + 3u].w >= DIRECTION_EPS;
-    if (first + e < edges) rare[first + e] = plain ? any / NETWORK : 1u;
+  const uint edges = p.nodes * K;
+  const bool inside = gl_GlobalInvocationID.x < edges;
+  const uvec2 ends = order[min(gl_GlobalInvocationID.x, edges - 1u)];
+  sides = pair_edge(p.first_node + ends.x / K, ends.y);
+  for (uint c = 0; c < IN4; ++c) {
+    turn_features(ends.y * FEATURE_STRIDE, c);
+    FOR_DEGREES(to, send(to / 2, to % 2, 0, c, ends.x, inside));
+    if (LINEAR) FOR_DEGREES(to, send(to / 2, to % 2, 1, c, ends.x, inside));
   }
-  send(0, 0, first, edges);
-  send(0, 1, first, edges);
-  send(1, 0, first, edges);
-  send(1, 1, first, edges);
+  const bool plain = sides.source.norm >= DIRECTION_EPS && sides.reference.norm >= DIRECTION_EPS;
+  if (inside) rare[ends.x] = plain && !any_network ? 0u : 1u;
 }

@@ -8,6 +8,8 @@
 // in  5 tiles        u32[tiles,4]
 // out 6 result       f32[Q,R]      OUT0 scalars, OUT1 vectors; padded to R
 // con 7 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
+// out 8 kept         f32[Q,KEPT,4] sums of degree 0 and, by component, 1; flag; per head largest logit, 1 / total: for
+//                                the gradient, if it is to follow
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS | grid tiles | shared 0 KiB
 // loops ≤ K + OUT0 ≤ 1088 < 65535 | error: 2e-5 of the largest output entry | fp32
 #version 450
@@ -16,6 +18,7 @@
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
 #include "common/projected_relu.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int K = 24;
@@ -33,6 +36,7 @@ const bool PER_CLOUD = (FLAGS & 4u) != 0u;
 const bool RELU = (FLAGS & 8u) != 0u;
 const bool VECTOR_KEYS = (FLAGS & 16u) != 0u;
 const bool RELU_SQUARE = (FLAGS & 32u) != 0u;
+const bool KEEP = (FLAGS & 64u) != 0u;
 
 // Paths of the two degrees, of edges and of zero-length edges.
 const int N0 = C0 + C1 + (DIRECTION ? 3 : 0);
@@ -63,15 +67,19 @@ const int R4 = (OUT0 + 3 * OUT1 + 3) / 4;
 // Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
 const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
 
-layout(set = 0, binding = 0) readonly buffer Features { vec4 features[]; };
+READ_VEC4S(0, Features);
 layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
-layout(set = 0, binding = 2) readonly buffer Centres { vec4 centres[]; };
-layout(set = 0, binding = 3) readonly buffer Neighbours { vec4 neighbours[]; };
+READ_VEC4S(2, Centres);
+READ_VEC4S(3, Neighbours);
 layout(set = 0, binding = 4) readonly buffer Coefficients { float coefficients[]; };
 layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 6) writeonly buffer Result { float result[]; };
 layout(set = 0, binding = 7) uniform Weights { vec4 weights[WEIGHTS]; };
+layout(set = 0, binding = 8) writeonly buffer Kept { vec4 kept[]; };
 layout(push_constant) uniform Push { PointParameters p; };
+
+#define QUADS(n) (((n) + 3) / 4)
+const int KEPT_SUM1 = QUADS(HEADS * N0), KEPT_STATE = KEPT_SUM1 + 3 * QUADS(HEADS * N1), KEPT = KEPT_STATE + 1 + HEADS;
 
 uint cloud;
 
@@ -82,10 +90,13 @@ float weight0(int i) {
 
 #define SCALAR(f, c) f[c]
 #define VECTOR(f, c) vec3(f[C0 + 3 * (c)], f[C0 + 3 * (c) + 1], f[C0 + 3 * (c) + 2])
+// Of the sums; beyond their end there are zeros.
+#define KEPT0(i) ((i) < HEADS * N0 ? sum0[(i) < HEADS * N0 ? (i) : 0] : 0.0)
+#define KEPT1(i, a) ((i) < HEADS * N1 ? sum1[(i) < HEADS * N1 ? (i) : 0][a] : 0.0)
 // The row of a point into f[4 * F4].
 #define LOAD_FEATURE(f, row)                       \
   [[unroll]] for (int i = 0; i < F4; ++i) {        \
-    const vec4 part = features[(row) * F4 + i];    \
+    const vec4 part = VEC4_OF(Features, (row) * F4 + i);    \
     f[4 * i] = part.x, f[4 * i + 1] = part.y;      \
     f[4 * i + 2] = part.z, f[4 * i + 3] = part.w;  \
   }
@@ -124,11 +135,11 @@ void main() {
   [[unroll]] for (int i = 0; i < HEADS * Z1; ++i) zero_sum1[i] = vec3(0);
   bool duplicates = false;
 
-  const vec3 centre = centres[row].xyz;
+  const vec3 centre = VEC4_OF(Centres, row).xyz;
   const uint first_edge = (row - p.first_row) * K;
   for (int j = 0; j < K; ++j) {
     const uint neighbour = index[first_edge + j];
-    const Edge edge = edge_between(centre, neighbours[neighbour].xyz);
+    const Edge edge = edge_between(centre, VEC4_OF(Neighbours, neighbour).xyz);
     const vec3 v = edge.direction;
     float f[4 * F4];
     LOAD_FEATURE(f, neighbour)
@@ -202,6 +213,18 @@ void main() {
   }
 
   const bool inside = tile.y + gl_LocalInvocationID.x < tile.z;
+  if (KEEP && inside) {
+    const uint at = row * KEPT;
+    [[unroll]] for (int i = 0; i < QUADS(HEADS * N0); ++i)
+      kept[at + i] = vec4(KEPT0(4 * i), KEPT0(4 * i + 1), KEPT0(4 * i + 2), KEPT0(4 * i + 3));
+    [[unroll]] for (int a = 0; a < 3; ++a)
+      [[unroll]] for (int i = 0; i < QUADS(HEADS * N1); ++i)
+        kept[at + KEPT_SUM1 + a * QUADS(HEADS * N1) + i] =
+            vec4(KEPT1(4 * i, a), KEPT1(4 * i + 1, a), KEPT1(4 * i + 2, a), KEPT1(4 * i + 3, a));
+    kept[at + KEPT_STATE] = vec4(uintBitsToFloat(duplicates ? 1u : 0u), 0, 0, 0);
+    [[unroll]] for (int h = 0; h < HEADS; ++h)
+      kept[at + KEPT_STATE + 1 + h] = vec4(largest[h], 1.0 / total[h], 0, 0);
+  }
   // Many outputs of degree 0 (a logit per key point): one after the other, or the code grows with their number.
   if (OUT1 == 0 && !RELU) {
     for (int o = 0; o < OUT0; ++o) {

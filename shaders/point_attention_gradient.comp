@@ -18,12 +18,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(set = 0, binding = 0) readonly buffer Features { vec4 features[]; };
+READ_VEC4S(0, Features);
 layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
-layout(set = 0, binding = 2) readonly buffer Centres { vec4 centres[]; };
-layout(set = 0, binding = 3) readonly buffer Neighbours { vec4 neighbours[]; };
+READ_VEC4S(2, Centres);
+READ_VEC4S(3, Neighbours);
 layout(set = 0, binding = 4) readonly buffer Coefficients { float coefficients[]; };
 layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
 layout(set = 0, binding = 6) buffer Record { vec4 record[]; };
@@ -217,11 +218,11 @@ void differentiate_row(uvec4 tile) {
   [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) d_zero_query0[i] = 0.0;
   [[unroll]] for (int i = 0; i < HEADS * Z1; ++i) d_zero_query1[i] = vec3(0);
 
-  const vec3 centre = centres[row].xyz;
+  const vec3 centre = VEC4_OF(Centres, row).xyz;
   vec3 d_centre = vec3(0);
   for (int j = 0; j < K; ++j) {
     const uint neighbour = index[first_edge + j];
-    const vec3 from = neighbours[neighbour].xyz;
+    const vec3 from = VEC4_OF(Neighbours, neighbour).xyz;
     const Edge edge = edge_between(centre, from);
     make_paths(edge, neighbour);
     differentiate_attention();

@@ -4,7 +4,7 @@
 // in  0 features     f32[P,F]      C0 scalars, C1 vectors (y,z,x); padded to F, a multiple of 4
 // in  1 index        u32[Q,K]      from first_row on
 // in  2 centres      f32[Q,4]      xyz
-// in  3 neighbours   f32[P,4]      xyz
+// in  3 neighbours   f32[P,4]      xyz; or what point_attention.comp kept, with KEPT
 // in  4 coefficients f32[clouds,D] matrices of degree 0 (M0 O0 S0 Mz0 Oz0), if they come per cloud
 // in  5 tiles        u32[tiles,4]
 // in  6 given        f32[Q,R]      gradient of the result: OUT0 scalars, OUT1 vectors; padded to R
@@ -19,15 +19,16 @@
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
 #include "common/projected_relu.glsl"
+#include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(set = 0, binding = 0) readonly buffer Features { vec4 features[]; };
+READ_VEC4S(0, Features);
 layout(set = 0, binding = 1) readonly buffer Index { uint index[]; };
-layout(set = 0, binding = 2) readonly buffer Centres { vec4 centres[]; };
-layout(set = 0, binding = 3) readonly buffer Neighbours { vec4 neighbours[]; };
+READ_VEC4S(2, Centres);
+READ_VEC4S(3, Neighbours);
 layout(set = 0, binding = 4) readonly buffer Coefficients { float coefficients[]; };
 layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
-layout(set = 0, binding = 6) readonly buffer Given { vec4 given[]; };
+READ_VEC4S(6, Given);
 layout(set = 0, binding = 7) buffer Record { vec4 record[]; };
 #include "common/point_layer.glsl"
 layout(set = 0, binding = 8) uniform Weights { vec4 weights[WEIGHTS]; };
@@ -51,12 +52,12 @@ void sum_edges(uint row, uint first_edge, uint at, bool inside) {
   [[unroll]] for (int i = 0; i < HEADS * N1; ++i) sum1[i] = vec3(0);
   [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) zero_sum0[i] = 0.0;
   [[unroll]] for (int i = 0; i < HEADS * Z1; ++i) zero_sum1[i] = vec3(0);
-  const vec3 centre = centres[row].xyz;
+  const vec3 centre = VEC4_OF(Centres, row).xyz;
   uint zero = 0u;
   // Softmax in one pass over the edges: relative to the largest logit so far.
   for (int j = 0; j < K; ++j) {
     const uint neighbour = index[first_edge + j];
-    const Edge edge = edge_between(centre, neighbours[neighbour].xyz);
+    const Edge edge = edge_between(centre, VEC4_OF(Neighbours, neighbour).xyz);
     zero |= edge.zero ? 1u : 0u;
     make_paths(edge, neighbour);
     [[unroll]] for (int h = 0; h < HEADS; ++h) {
@@ -88,10 +89,26 @@ void sum_edges(uint row, uint first_edge, uint at, bool inside) {
   if (inside) record[at + STATE] = vec4(uintBitsToFloat(zero), 0, 0, 0);
 }
 
+// What sum_edges() makes, from what the layer kept.
+void load_sums(uint row, uint at, bool inside) {
+  const int state = QUADS(HEADS * N0) + 3 * QUADS(HEADS * N1);
+  const uint from = row * (state + 1 + HEADS);
+  [[unroll]] for (int i = 0; i < HEADS * N0; ++i) sum0[i] = VEC4_OF(Neighbours, from + i / 4)[i % 4];
+  [[unroll]] for (int a = 0; a < 3; ++a)
+    [[unroll]] for (int i = 0; i < HEADS * N1; ++i)
+      sum1[i][a] = VEC4_OF(Neighbours, from + QUADS(HEADS * N0) + a * QUADS(HEADS * N1) + i / 4)[i % 4];
+  [[unroll]] for (int h = 0; h < HEADS; ++h) {
+    const vec4 kept = VEC4_OF(Neighbours, from + state + 1 + h);
+    largest[h] = kept.x;
+    total[h] = kept.y;
+  }
+  if (inside) record[at + STATE] = VEC4_OF(Neighbours, from + state);
+}
+
 void load_given(uint row) {
   float g[4 * R4];
   [[unroll]] for (int i = 0; i < R4; ++i) {
-    const vec4 part = given[row * R4 + i];
+    const vec4 part = VEC4_OF(Given, row * R4 + i);
     LOAD(g, i, part);
   }
   [[unroll]] for (int o = 0; o < OUT0; ++o) given0[o] = g[o];
@@ -169,7 +186,7 @@ void differentiate_scalars(uint row, uint at, bool inside) {
   [[unroll]] for (int i = 0; i < HEADS * N0; ++i) gradient[i] = 0.0;
   [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) zero_gradient[i] = 0.0;
   for (int part = 0; part < R4; ++part) {
-    vec4 g = given[row * R4 + part];
+    vec4 g = VEC4_OF(Given, row * R4 + part);
     for (int o = 4 * part; o < min(4 * part + 4, OUT0); ++o) {
       float x = g[o % 4];
       if (RELU && !(linear0(o) > 0.0)) x *= LEAKY_SLOPE;
@@ -225,7 +242,10 @@ void sum_row(uvec4 tile) {
   const uint at = (row - p.first_row) * RECORD;
   cloud = tile.x;
   if (!UNIFORM) make_queries(row);
-  sum_edges(row, (row - p.first_row) * K, at, inside);
+  if (KEPT)
+    load_sums(row, at, inside);
+  else
+    sum_edges(row, (row - p.first_row) * K, at, inside);
   if (OUT1 > 0) {
     load_given(row);
     if (RELU) differentiate_relu();

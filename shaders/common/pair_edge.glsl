@@ -1,6 +1,10 @@
 // Edges of the two-sided graph. Per side, the length and an orthonormal, right-handed frame whose first axis is the
 // direction from neighbour to centre; the angle about it cancels in the messages, and so does the whole frame at
-// length zero. Needs positions[] and features[].
+// length zero. Needs positions[] (or POSITION(at), one of its vec4s) and features[].
+#ifndef POSITION
+#define POSITION(at) positions[at]
+#endif
+
 const float DIRECTION_EPS = 1e-12;  // ops::direction_eps
 
 struct Side {
@@ -26,8 +30,8 @@ Side side_between(vec3 centre, vec3 neighbour) {
 }
 
 PairEdge pair_edge(uint centre, uint neighbour) {
-  const vec4 centre0 = positions[2u * centre], centre1 = positions[2u * centre + 1u];
-  const vec4 neighbour0 = positions[2u * neighbour], neighbour1 = positions[2u * neighbour + 1u];
+  const vec4 centre0 = POSITION(2u * centre), centre1 = POSITION(2u * centre + 1u);
+  const vec4 neighbour0 = POSITION(2u * neighbour), neighbour1 = POSITION(2u * neighbour + 1u);
   return PairEdge(side_between(centre0.xyz, neighbour0.xyz),
                   side_between(vec3(centre0.w, centre1.xy), vec3(neighbour0.w, neighbour1.xy)));
 }

@@ -19,6 +19,7 @@ const bool ZERO = (FLAGS & 64u) != 0u;       // tiles that have edges of length 
 const bool CONSTANT = (FLAGS & 128u) != 0u;  // one feature for all points, the last of weights[]
 const bool FEATURES = (FLAGS & 256u) != 0u;  // their gradient is wanted
 const bool CENTRES = (FLAGS & 512u) != 0u;   // that of the centres is
+const bool KEPT = (FLAGS & 1024u) != 0u;     // point_attention.comp has left its sums, but for edges of length zero
 
 // Paths of the two degrees, of edges and of zero-length edges.
 const int N0 = C0 + C1 + (DIRECTION ? 3 : 0);

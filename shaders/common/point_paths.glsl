@@ -1,4 +1,4 @@
-// The paths of an edge of a one-sided layer (common/point_layer.glsl), and how they meet the queries. Needs features[],
+// The paths of an edge of a one-sided layer (common/point_layer.glsl), and how they meet the queries. Needs Features (common/texels.glsl),
 // coefficients[], weights[], tiles[], record[], p.
 
 // Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
@@ -20,7 +20,7 @@ float weight1(int i) { return weights[i / 4][i % 4]; }
 float weight0(int i) { return PER_CLOUD ? coefficients[cloud * COEFFICIENT_STRIDE + i] : weight1(DEGREE0 + i); }
 
 vec4 feature_part(uint row, int i) {
-  return CONSTANT ? vec4(weights[WEIGHTS - 1].x, 0, 0, 0) : features[row * F4 + i];
+  return CONSTANT ? vec4(weights[WEIGHTS - 1].x, 0, 0, 0) : VEC4_OF(Features, row * F4 + i);
 }
 
 #define LOAD(array, i, part) \

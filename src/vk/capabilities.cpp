@@ -66,8 +66,8 @@ Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice devic
   c.storage_range = p.limits.maxStorageBufferRange;
   c.uniform_range = p.limits.maxUniformBufferRange;
   c.offset_alignment = p.limits.minStorageBufferOffsetAlignment;
-  c.alignment = std::max(
-      {p.limits.minStorageBufferOffsetAlignment, p.limits.minUniformBufferOffsetAlignment, VkDeviceSize{64}});
+  c.alignment = std::max({p.limits.minStorageBufferOffsetAlignment, p.limits.minUniformBufferOffsetAlignment,
+                          p.limits.minTexelBufferOffsetAlignment, VkDeviceSize{64}});
   c.groups = p.limits.maxComputeWorkGroupCount[0];
   c.invocations = std::min(p.limits.maxComputeWorkGroupInvocations, p.limits.maxComputeWorkGroupSize[0]);
   c.shared_bytes = p.limits.maxComputeSharedMemorySize;
@@ -115,6 +115,8 @@ Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice devic
   c.shuffle = c.subgroup_size >= 8 && c.subgroup_size <= 32 &&
               (subgroup.supportedStages & VK_SHADER_STAGE_COMPUTE_BIT) &&
               (subgroup.supportedOperations & operations) == operations;
+  c.texels = c.shuffle && c.type == VK_PHYSICAL_DEVICE_TYPE_CPU &&
+             std::uint64_t{p.limits.maxTexelBufferElements} * 16 >= c.storage_range;
   c.unsuitable = fault(c, compute, timeline);
   return c;
 }

@@ -28,6 +28,8 @@ struct Capabilities {
   std::uint32_t subgroup_size = 1;
   bool shuffle = false;  ///< tier: neighbour searches share candidates by subgroup shuffle; else every
                          ///< invocation loads them
+  bool texels = false;   ///< storage buffers of vec4s are read as texel buffers: loads of single numbers are
+                         ///< slow, one by one
   std::uint32_t storage_buffers = 0;
   std::uint64_t storage_range = 0;
   std::uint64_t uniform_range = 0;

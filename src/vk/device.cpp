@@ -107,9 +107,11 @@ VkInstance make_instance(PFN_vkGetInstanceProcAddr get, const OwnDevice& wanted,
 
 void check(VkResult result, std::string_view what) {
   if (result >= 0) return;
-  if (result == VK_ERROR_DEVICE_LOST) throw Failure(ErrorCode::device_lost, std::string(what) + ": the device was lost");
+  if (result == VK_ERROR_DEVICE_LOST)
+    throw Failure(ErrorCode::device_lost, std::string(what) + ": the device was lost");
   const char* name = result_name(result);
-  throw Failure(ErrorCode::internal, std::string(what) + ": " + (name ? name : "VkResult " + std::to_string(result)));
+  throw Failure(ErrorCode::internal,
+                std::string(what) + ": " + (name ? name : "VkResult " + std::to_string(result)));
 }
 
 VkBool32 note_message(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,

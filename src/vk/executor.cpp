@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -27,6 +28,24 @@ graph::BatchLayout gathered(graph::BatchLayout layout) {
   for (auto* offsets : {&layout.cloud_offset, &layout.key_offset})
     if (offsets->size() > 1) std::fill(offsets->begin() + 1, offsets->end(), offsets->back());
   return layout;
+}
+
+// Of every node, the one that is its gradient or that it is the gradient of; −1: none.
+std::vector<int> gradients(const graph::Graph& graph) {
+  std::vector<int> partner(graph.nodes.size(), -1), made_by(graph.tensors.size(), -1);
+  for (int n = 0; n < static_cast<int>(graph.nodes.size()); ++n) {
+    for (const TensorId id : graph.nodes[n].outputs) made_by[id] = n;
+    std::visit(
+        [&](const auto& op) {
+          if constexpr (requires { op.given_at(0); })
+            if (const int of = made_by[graph.nodes[n].inputs[op.inputs]]; of >= 0) {
+              partner[n] = of;
+              partner[of] = n;
+            }
+        },
+        graph.nodes[n].op);
+  }
+  return partner;
 }
 
 constexpr Rows table_rows[] = {Rows::point, Rows::key, Rows::pair_key};
@@ -80,17 +99,53 @@ void Executor::load(graph::Graph graph) {
   graph_ = std::move(graph);
   own_tensors_ = graph_.tensors.size();
   kernels_.clear();
-  scratch_.clear();
-  for (graph::Node& node : graph_.nodes) {
+  const std::vector<int> differentiated = gradients(graph_);
+  for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
+    const graph::Node& node = graph_.nodes[n];
     Site site{*context_, {}, {}, largest_};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
     for (TensorId id : node.outputs) site.out.push_back(graph_.tensors[id]);
+    const int partner = differentiated[n];
+    site.kept =
+        partner > static_cast<int>(n) || (partner >= 0 && kernels_[partner]->kept_bytes(largest_) > 0);
     kernels_.push_back(kernel_for(site, node.op));
   }
   find_inputs();
-  for (graph::Node& node : graph_.nodes) {
-    scratch_.push_back(graph_.add({.name = node.name + ".scratch", .rows = Rows::pair, .fiber = {}}));
-    node.outputs.push_back(scratch_.back());
+  add_memory();
+}
+
+TensorId Executor::add_tensor(const std::string& name) {
+  return graph_.add({.name = name, .rows = Rows::pair, .fiber = {}});
+}
+
+void Executor::add_memory() {
+  memory_.assign(graph_.nodes.size(), {});
+  const std::vector<int> differentiated = gradients(graph_);
+  std::map<std::pair<TensorId, std::string>, TensorId> lists;  // by index tensor and name
+  for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
+    graph::Node& node = graph_.nodes[n];
+    NodeMemory& memory = memory_[n];
+    memory.inputs = node.inputs.size();
+    memory.outputs = node.outputs.size();
+    if (const int partner = differentiated[n]; partner > static_cast<int>(n)) {
+      memory.makes_kept = kernels_[n]->kept_bytes(largest_) > 0;
+      if (memory.makes_kept) memory.kept = add_tensor(node.name + ".kept");
+    } else if (partner >= 0) {
+      memory.kept = memory_[partner].kept;
+    }
+    if (const int input = kernels_[n]->listed_input(); input >= 0) {
+      const auto [place, added] =
+          lists.emplace(std::pair(node.inputs[input], kernels_[n]->list_name()), graph::no_tensor);
+      if (added) place->second = add_tensor(node.name + ".lists");
+      memory.lists = place->second;
+      memory.makes_lists = added;
+    }
+    memory.scratch = add_tensor(node.name + ".scratch");
+    node.outputs.push_back(memory.scratch);
+    if (memory.kept != graph::no_tensor)
+      (memory.makes_kept ? node.outputs : node.inputs).push_back(memory.kept);
+    if (memory.lists != graph::no_tensor)
+      (memory.makes_lists ? node.outputs : node.inputs).push_back(memory.lists);
   }
 }
 
@@ -122,7 +177,13 @@ std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout
   std::vector<std::size_t> sizes;
   for (std::size_t i = 0; i < own_tensors_; ++i)
     sizes.push_back(layout.rows(graph_.tensors[i].rows) * row_bytes(graph_.tensors[i]));
-  for (const KernelPtr& kernel : kernels_) sizes.push_back(kernel->scratch_bytes(layout));
+  sizes.resize(graph_.tensors.size(), 0);
+  for (std::size_t n = 0; n < kernels_.size(); ++n) {
+    const NodeMemory& memory = memory_[n];
+    sizes[memory.scratch] = kernels_[n]->scratch_bytes(layout);
+    if (memory.makes_kept) sizes[memory.kept] = kernels_[n]->kept_bytes(layout);
+    if (memory.makes_lists) sizes[memory.lists] = kernels_[n]->list_bytes(layout);
+  }
   return sizes;
 }
 
@@ -273,15 +334,17 @@ void Executor::add_tables(Schedule& schedule) const {
 
 void Executor::add_nodes(Schedule& schedule) const {
   std::vector<Slot> in, out;
+  const auto range = [&](TensorId id) { return id == graph::no_tensor ? Range{} : slots_[id].range; };
   for (std::size_t n = 0; n < kernels_.size(); ++n) {
     const graph::Node& node = graph_.nodes[n];
+    const NodeMemory& memory = memory_[n];
     in.clear();
     out.clear();
-    for (TensorId id : node.inputs) in.push_back(slots_[id]);
-    for (TensorId id : node.outputs) out.push_back(slots_[id]);
-    out.pop_back();  // scratch
+    for (std::size_t i = 0; i < memory.inputs; ++i) in.push_back(slots_[node.inputs[i]]);
+    for (std::size_t i = 0; i < memory.outputs; ++i) out.push_back(slots_[node.outputs[i]]);
     schedule.begin_node(static_cast<int>(n));
-    kernels_[n]->record({schedule, layout_, tables_, constants_[n], slots_[scratch_[n]].range, in, out});
+    kernels_[n]->record({schedule, layout_, tables_, constants_[n], range(memory.scratch), range(memory.kept),
+                         range(memory.lists), memory.makes_lists, in, out});
   }
   schedule.begin_node(-1);
 }

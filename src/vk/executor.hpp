@@ -77,7 +77,15 @@ class Executor {
     VkCommandBuffer commands;
     std::size_t begin, end;  // works
   };
+  // Of a node, besides its tensors.
+  struct NodeMemory {
+    std::size_t inputs = 0, outputs = 0;  // tensors of its own
+    graph::TensorId scratch = graph::no_tensor, kept = graph::no_tensor, lists = graph::no_tensor;
+    bool makes_kept = false, makes_lists = false;
+  };
   void load(graph::Graph graph);
+  void add_memory();
+  graph::TensorId add_tensor(const std::string& name);
   void find_inputs();
   void check_capacity(const graph::BatchLayout& layout) const;
   void lay_out(const graph::BatchLayout& layout);
@@ -96,8 +104,9 @@ class Executor {
 
   std::shared_ptr<const Context> context_;
   graph::Graph graph_;
-  std::size_t own_tensors_ = 0;  // of the graph; scratch memory follows
-  std::vector<graph::TensorId> scratch_, inputs_, outputs_;
+  std::size_t own_tensors_ = 0;  // of the graph; the nodes' memory follows
+  std::vector<graph::TensorId> inputs_, outputs_;
+  std::vector<NodeMemory> memory_;
   graph::BatchLayout largest_;
   ExecutorOptions options_;
   std::vector<KernelPtr> kernels_;

@@ -29,7 +29,7 @@ namespace bitr::vk {
   X(EndCommandBuffer) X(CmdBindPipeline) X(CmdBindDescriptorSets) X(CmdPushConstants) X(CmdDispatch)    \
   X(CmdPipelineBarrier) X(CmdCopyBuffer) X(CmdFillBuffer) X(CreateQueryPool) X(DestroyQueryPool)        \
   X(CmdResetQueryPool) X(CmdWriteTimestamp) X(GetQueryPoolResults) X(CreateSemaphore)                   \
-  X(DestroySemaphore) X(WaitSemaphores)
+  X(DestroySemaphore) X(WaitSemaphores) X(CreateBufferView) X(DestroyBufferView)
 // clang-format on
 
 struct InstanceFunctions {

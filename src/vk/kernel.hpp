@@ -46,6 +46,9 @@ struct Arguments {
   const Tables& tables;
   Range constants;  ///< of this kernel
   Range scratch;    ///< of this kernel
+  Range kept;       ///< what an operation leaves for its gradient; empty: nothing
+  Range lists;      ///< of Kernel::listed_input(); empty: nobody has made them
+  bool make_lists;  ///< this kernel is the one to
   std::span<const Slot> in;
   std::span<const Slot> out;
 };
@@ -72,6 +75,13 @@ class Kernel {
   virtual ~Kernel() = default;
   /// Bytes of memory needed while it runs, for a batch of this layout.
   virtual std::size_t scratch_bytes(const graph::BatchLayout&) const { return 0; }
+  /// Bytes it leaves for the gradient of its operation, if the graph has that (Site::kept).
+  virtual std::size_t kept_bytes(const graph::BatchLayout&) const { return 0; }
+  /// Input whose edges it needs in lists, which kernels share that need those of the same tensor and name;
+  /// −1: none.
+  virtual int listed_input() const { return -1; }
+  virtual const char* list_name() const { return "reverse"; }  // reverse_neighbours.hpp
+  virtual std::size_t list_bytes(const graph::BatchLayout&) const { return 0; }
   /// Adds its work to the schedule.
   virtual void record(const Arguments& arguments) const = 0;
   /// Read-only numbers, uploaded once.
@@ -97,6 +107,8 @@ struct Site {
   const Context& context;
   std::vector<graph::TensorInfo> in, out;
   const graph::BatchLayout& largest;  ///< a batch with as many rows of every kind as there can be
+  /// The graph also has the operation's gradient; of a gradient: its operation has left something for it.
+  bool kept = false;
 };
 
 // One maker per operation, each in the file of its stem.

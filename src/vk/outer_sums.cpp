@@ -4,14 +4,18 @@
 
 #include "core/failure.hpp"
 #include "outer_sums.spv.hpp"
+#include "outer_sums_texels.spv.hpp"
 #include "outer_totals.spv.hpp"
 
 namespace bitr::vk {
 namespace {
 
 constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read, Access::write};
+constexpr Access texel_sum_bindings[] = {Access::texels, Access::read, Access::read, Access::write};
 constexpr Access total_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Shader sum_shader{"outer_sums", spirv::outer_sums, sum_bindings, sizeof(OuterParameters), 3};
+constexpr Shader texel_sum_shader{"outer_sums_texels", spirv::outer_sums_texels, texel_sum_bindings,
+                                  sizeof(OuterParameters), 3};
 constexpr Shader total_shader{"outer_totals", spirv::outer_totals, total_bindings,
                               sizeof(OuterTotalParameters), 3};
 
@@ -51,7 +55,8 @@ void OuterSums::make_pipelines(const Context& context, std::uint32_t record, std
                                bool segmented) {
   capabilities_ = &context.capabilities();
   segmented_ = segmented;
-  sums_ = &context.pipeline(sum_shader, std::array{work_group, record, flag});
+  sums_ = &context.pipeline(capabilities_->texels ? texel_sum_shader : sum_shader,
+                            std::array{work_group, record, flag});
   totals_ = &context.pipeline(
       total_shader, std::array{work_group, number(places().size()), static_cast<std::uint32_t>(segmented)});
 }

@@ -15,6 +15,8 @@ constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, atten
 constexpr std::uint32_t work_group = 32;
 // Messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
+// Of messages for the gradient, which makes them again where there are more.
+constexpr std::size_t most_kept = std::size_t{64} << 20;
 
 std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 
@@ -24,17 +26,30 @@ class PairAttentionKernel : public Kernel {
       : op_(without_tables(op)),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
-        messages_(site, op) {
+        messages_(site, op),
+        keeps_(site.kept && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_kept),
+        one_run_(site.largest.rows(graph::Rows::pair_key) <= run_nodes()) {
     require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
                         number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
     for (const std::uint32_t x : messages_.take_constants(0)) add_constant(x);
     weights_ = add_weights();
-    make_pipeline(site.context);
+    attention_pipeline_ =
+        &site.context.pipeline(attention_shader, messages_.attention_sizes(std::array{work_group}));
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
     const std::size_t nodes = std::min<std::size_t>(layout.rows(graph::Rows::pair_key), run_nodes());
-    return rare_offset(nodes) + sizeof(std::uint32_t) * nodes * k_;
+    return rare_offset(nodes) + 3 * edge_bytes(nodes, 2);
+  }
+  std::size_t kept_bytes(const graph::BatchLayout& layout) const override {
+    return keeps_ ? messages_.bytes(layout.rows(graph::Rows::pair_key)) : 0;
+  }
+
+  // All layers have the same order, if their edges go in one run.
+  int listed_input() const override { return one_run_ ? 1 : -1; }
+  const char* list_name() const override { return "order"; }
+  std::size_t list_bytes(const graph::BatchLayout& layout) const override {
+    return edge_bytes(layout.rows(graph::Rows::pair_key), 2);
   }
 
   void record(const Arguments& args) const override {
@@ -46,29 +61,24 @@ class PairAttentionKernel : public Kernel {
  private:
   ConstantPart add_weights() {
     const VkDeviceSize offset = sizeof(std::uint32_t) * constants().size();
-    for (const auto* matrices : {&op_.query, &op_.project, &op_.self})
-      for (const auto& [d, matrix] : *matrices) add_constants(matrix);
-    if (op_.relu)
-      for (const auto& [d, plane] : op_.planes) add_constants(plane);
+    for (const Eigen::MatrixXd& matrix : messages_.weights()) add_constants(matrix);
     return {offset, sizeof(std::uint32_t) * constants().size() - offset};
-  }
-
-  void make_pipeline(const Context& context) {
-    auto sizes = messages_.layer_sizes(std::array{work_group, k_, number(op_.heads)});
-    for (const irreps::Degree d : pair_degrees) sizes.push_back(number(op_.fiber_out.channels(d)));
-    sizes.push_back(!op_.self.empty());
-    sizes.push_back(op_.relu);
-    sizes.push_back(op_.relu_square);
-    attention_pipeline_ = &context.pipeline(attention_shader, sizes);
   }
 
   void record_run(const Arguments& args, const PairParameters& run) const {
     const Slot &features = args.in[0], &index = args.in[1], &positions = args.in[2];
     const std::uint32_t edges = run.nodes * k_;
     const Range run_index = index.range.sub(4ull * k_ * run.first_node, 4ull * edges);
-    const Range messages = args.scratch.sub(0, 4ull * messages_.stride() * edges);
-    const Range rare = args.scratch.sub(rare_offset(run.nodes), 4ull * edges);
-    messages_.record(args, run, features.range, run_index, positions.range, messages, rare);
+    const Range messages = keeps_ ? args.kept.sub(messages_.bytes(run.first_node), messages_.bytes(run.nodes))
+                                  : args.scratch.sub(0, messages_.bytes(run.nodes));
+    const std::size_t begin = rare_offset(run.nodes), bytes = edge_bytes(run.nodes, 2);
+    const Range rare = args.scratch.sub(begin, 4ull * edges),
+                keys = args.scratch.sub(begin + bytes, 8ull * edges),
+                order = one_run_ ? args.lists.sub(0, 8ull * edges)
+                                 : args.scratch.sub(begin + 2 * bytes, 8ull * edges);
+    if (!one_run_ || args.make_lists)
+      messages_.record_order(args, run, run_index, positions.range, keys, order);
+    messages_.record(args, run, features.range, run_index, positions.range, order, messages, rare);
     args.schedule.dispatch(*attention_pipeline_,
                            {features.range, messages, weights_.of(args), args.out[0].range}, run,
                            {run.nodes, 1, 1}, 4.0 * messages_.stride() * edges);
@@ -76,18 +86,23 @@ class PairAttentionKernel : public Kernel {
 
   // Nodes whose messages fit into the scratch memory, and whose edges into the grid; index rows stay aligned.
   std::uint32_t run_nodes() const {
-    const std::size_t node_bytes = sizeof(float) * (messages_.stride() + 1) * k_;
+    const std::size_t node_bytes = sizeof(float) * (messages_.stride() + 6) * k_;
     const std::size_t fit = std::min<std::size_t>(most_scratch / node_bytes, capabilities_.groups / k_);
     return static_cast<std::uint32_t>(std::max<std::size_t>(64, fit / 64 * 64));
   }
+  std::size_t edge_bytes(std::size_t nodes, std::size_t numbers) const {
+    return (sizeof(std::uint32_t) * numbers * nodes * k_ + 255) / 256 * 256;
+  }
   std::size_t rare_offset(std::size_t nodes) const {
-    return (sizeof(float) * messages_.stride() * nodes * k_ + 255) / 256 * 256;
+    return keeps_ ? 0 : (messages_.bytes(nodes) + 255) / 256 * 256;
   }
 
   const ops::PairAttention op_;
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   PairMessages messages_;
+  const bool keeps_;    // messages, for the gradient
+  const bool one_run_;  // does for all edges there can be
   ConstantPart weights_;
   const Pipeline* attention_pipeline_ = nullptr;
 };

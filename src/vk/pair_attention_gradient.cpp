@@ -5,11 +5,17 @@
 #include "core/failure.hpp"
 #include "pair_attention_gradient.spv.hpp"
 #include "pair_gradient_edges.spv.hpp"
+#include "pair_gradient_edges_texels.spv.hpp"
 #include "pair_gradient_forms.spv.hpp"
+#include "pair_gradient_forms_texels.spv.hpp"
 #include "pair_gradient_kernels.spv.hpp"
+#include "pair_gradient_kernels_shuffle.spv.hpp"
+#include "pair_gradient_kernels_texels.spv.hpp"
 #include "pair_gradient_lists.spv.hpp"
 #include "pair_gradient_sums.spv.hpp"
+#include "pair_gradient_sums_texels.spv.hpp"
 #include "pair_gradient_tables.spv.hpp"
+#include "pair_gradient_tables_texels.spv.hpp"
 #include "pair_gradient_turn.spv.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/pair_messages.hpp"
@@ -24,32 +30,56 @@ constexpr Access turn_bindings[] = {Access::read, Access::read,  Access::read,
                                     Access::read, Access::write, Access::write};
 constexpr Access table_bindings[] = {Access::read, Access::read,  Access::constant, Access::read,
                                      Access::read, Access::write, Access::write};
+constexpr Access texel_table_bindings[] = {Access::read,   Access::texels, Access::constant, Access::read,
+                                           Access::texels, Access::write,  Access::write};
 constexpr Access kernel_bindings[] = {Access::read,  Access::read,     Access::read,     Access::read,
                                       Access::read,  Access::constant, Access::constant, Access::write,
                                       Access::write, Access::write};
+constexpr Access texel_kernel_bindings[] = {Access::texels, Access::read,     Access::texels,   Access::read,
+                                            Access::texels, Access::constant, Access::constant, Access::write,
+                                            Access::write,  Access::write};
 constexpr Access edge_bindings[] = {Access::read, Access::read, Access::read,     Access::read, Access::read,
                                     Access::read, Access::read, Access::constant, Access::write};
+constexpr Access texel_edge_bindings[] = {Access::read,   Access::texels,   Access::read,
+                                          Access::read,   Access::texels,   Access::texels,
+                                          Access::texels, Access::constant, Access::write};
 constexpr Access list_bindings[] = {Access::read, Access::write, Access::write};
 constexpr Access sum_bindings[] = {Access::read, Access::read,     Access::read,
                                    Access::read, Access::constant, Access::modify};
+constexpr Access texel_sum_bindings[] = {Access::read,   Access::read,     Access::texels,
+                                         Access::texels, Access::constant, Access::modify};
 constexpr Access form_bindings[] = {Access::read,     Access::read,     Access::read,  Access::read,
                                     Access::constant, Access::constant, Access::modify};
+constexpr Access texel_form_bindings[] = {Access::read,     Access::read,     Access::texels, Access::texels,
+                                          Access::constant, Access::constant, Access::modify};
 constexpr Shader node_shader{"pair_attention_gradient", spirv::pair_attention_gradient, node_bindings,
                              sizeof(PairParameters), 24};
 constexpr Shader turn_shader{"pair_gradient_turn", spirv::pair_gradient_turn, turn_bindings,
                              sizeof(PairGradientParameters), 17};
 constexpr Shader table_shader{"pair_gradient_tables", spirv::pair_gradient_tables, table_bindings,
                               sizeof(PairGradientParameters), 17};
+constexpr Shader texel_table_shader{"pair_gradient_tables_texels", spirv::pair_gradient_tables_texels,
+                                    texel_table_bindings, sizeof(PairGradientParameters), 17};
 constexpr Shader kernel_shader{"pair_gradient_kernels", spirv::pair_gradient_kernels, kernel_bindings,
                                sizeof(PairGradientParameters), 20};
+constexpr Shader texel_kernel_shader{"pair_gradient_kernels_texels", spirv::pair_gradient_kernels_texels,
+                                     texel_kernel_bindings, sizeof(PairGradientParameters), 20};
+constexpr Shader shared_kernel_shader{"pair_gradient_kernels_shuffle", spirv::pair_gradient_kernels_shuffle,
+                                      kernel_bindings, sizeof(PairGradientParameters), 20};
 constexpr Shader edge_shader{"pair_gradient_edges", spirv::pair_gradient_edges, edge_bindings,
                              sizeof(PairGradientParameters), 17};
+constexpr Shader texel_edge_shader{"pair_gradient_edges_texels", spirv::pair_gradient_edges_texels,
+                                   texel_edge_bindings, sizeof(PairGradientParameters), 17};
 constexpr Shader list_shader{"pair_gradient_lists", spirv::pair_gradient_lists, list_bindings,
                              sizeof(PairGradientParameters), 2};
 constexpr Shader sum_shader{"pair_gradient_sums", spirv::pair_gradient_sums, sum_bindings,
                             sizeof(PairGradientParameters), 5};
+constexpr Shader texel_sum_shader{"pair_gradient_sums_texels", spirv::pair_gradient_sums_texels,
+                                  texel_sum_bindings, sizeof(PairGradientParameters), 5};
 constexpr Shader form_shader{"pair_gradient_forms", spirv::pair_gradient_forms, form_bindings,
                              sizeof(PairGradientParameters), 3};
+constexpr Shader texel_form_shader{"pair_gradient_forms_texels", spirv::pair_gradient_forms_texels,
+                                   texel_form_bindings, sizeof(PairGradientParameters), 3};
 
 constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
@@ -78,6 +108,7 @@ class PairGradientKernel : public Kernel {
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
+        kept_(site.kept),
         messages_(site, op_) {
     for (const ops::SectorTable& table : op_.tables)
       if (table.scale_degree == 0 && table.network->eps > 0)
@@ -103,6 +134,14 @@ class PairGradientKernel : public Kernel {
     return memory({}, nodes, layout).bytes;
   }
 
+  int listed_input() const override {
+    return gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0 ? 1 : -1;
+  }
+  std::size_t list_bytes(const graph::BatchLayout& layout) const override {
+    const std::size_t rows = layout.rows(graph::Rows::pair_key);
+    return lists_->bytes(rows, rows);
+  }
+
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs(), keys = args.layout.key_points,
                         most = run_pairs(args.layout);
@@ -112,10 +151,9 @@ class PairGradientKernel : public Kernel {
                                                 std::to_string(k_) +
                                                 " neighbours have too many edges to train on this device");
     const Memory memory = this->memory(args.scratch, std::size_t{std::min(most, pairs)} * keys, args.layout);
-    const bool points = gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0;
     EdgeLists lists{};
-    if (points)
-      lists = lists_->record(args, memory.lists, args.in[1], graph::Rows::pair_key, graph::Rows::pair_key);
+    if (listed_input() >= 0)
+      lists = lists_->record(args, args.in[1], graph::Rows::pair_key, graph::Rows::pair_key);
     for (std::uint32_t first = 0; first < pairs; first += most)
       record_run(args, memory, lists, first, std::min(pairs - first, most));
     const OuterSums::Memory sums{jobs_.of(args), places_.of(args), memory.partials};
@@ -125,8 +163,8 @@ class PairGradientKernel : public Kernel {
 
  private:
   struct Memory {
-    Range messages, rare, d_messages, record, turned, d_turned, factors, ids, d_coefficients, d_features,
-        d_radial, begins, sector_lists, edges, partials, lists;
+    Range messages, rare, keys, order, d_messages, record, turned, d_turned, factors, ids, d_coefficients,
+        d_features, d_radial, begins, sector_lists, edges, partials;
     std::size_t bytes = 0;
   };
 
@@ -140,10 +178,7 @@ class PairGradientKernel : public Kernel {
 
   ConstantPart add_weights() {
     const VkDeviceSize offset = sizeof(std::uint32_t) * constants().size();
-    for (const auto* matrices : {&op_.query, &op_.project, &op_.self})
-      for (const auto& [d, matrix] : *matrices) add_constants(matrix);
-    if (op_.relu)
-      for (const auto& [d, plane] : op_.planes) add_constants(plane);
+    for (const Eigen::MatrixXd& matrix : messages_.weights()) add_constants(matrix);
     const VkDeviceSize bytes = sizeof(std::uint32_t) * constants().size() - offset;
     pad_constants(64);
     return {offset, bytes};
@@ -261,26 +296,26 @@ class PairGradientKernel : public Kernel {
   }
 
   void make_pipelines(const Context& context) {
-    auto sizes = messages_.layer_sizes(std::array{work_group, k_, number(op_.heads)});
-    for (const irreps::Degree d : pair_degrees) sizes.push_back(number(op_.fiber_out.channels(d)));
-    sizes.push_back(!op_.self.empty());
-    sizes.push_back(op_.relu);
-    sizes.push_back(op_.relu_square);
-    node_pipeline_ = &context.pipeline(node_shader, sizes);
-    sizes = messages_.layer_sizes(std::array{work_group, k_, 0u});
+    node_pipeline_ = &context.pipeline(node_shader, messages_.attention_sizes(std::array{work_group}));
+    auto sizes = messages_.layer_sizes(std::array{work_group, k_, 0u});
     turn_pipeline_ = &context.pipeline(turn_shader, sizes);
-    table_pipeline_ = &context.pipeline(table_shader, sizes);
-    edge_pipeline_ = &context.pipeline(edge_shader, sizes);
+    table_pipeline_ = &context.pipeline(capabilities_.texels ? texel_table_shader : table_shader, sizes);
+    edge_pipeline_ = &context.pipeline(capabilities_.texels ? texel_edge_shader : edge_shader, sizes);
     const std::uint32_t parts = number(block_numbers_.size() / 8), tables = messages_.tables();
     for (KindParts& kind : kinds_) {
       sizes = messages_.layer_sizes(std::array{work_group, kind.kind.n1, kind.kind.n2});
       for (const std::uint32_t x : {kind.kind.tables, coefficient_vectors_, parts}) sizes.push_back(x);
-      kind.pipeline = &context.pipeline(kernel_shader, sizes);
+      kind.pipeline = &context.pipeline(capabilities_.texels    ? texel_kernel_shader
+                                        : capabilities_.shuffle ? shared_kernel_shader
+                                                                : kernel_shader,
+                                        sizes);
     }
     list_pipeline_ = &context.pipeline(list_shader, std::array{work_group, sectors_});
     sum_pipeline_ = &context.pipeline(
-        sum_shader, std::array{work_group, sectors_, tables, messages_.in_vectors(), coefficient_vectors_});
-    form_pipeline_ = &context.pipeline(form_shader, std::array{work_group, sectors_, tables});
+        capabilities_.texels ? texel_sum_shader : sum_shader,
+        std::array{work_group, sectors_, tables, messages_.in_vectors(), coefficient_vectors_});
+    form_pipeline_ = &context.pipeline(capabilities_.texels ? texel_form_shader : form_shader,
+                                       std::array{work_group, sectors_, tables});
     products_.make_pipelines(context, record_size_, 0, false);
     lists_.emplace(context, static_cast<int>(k_));
     const std::uint32_t row = padded(op_.fiber_in.size()), edge = row / 4 + 2;
@@ -293,7 +328,7 @@ class PairGradientKernel : public Kernel {
   // Of all that an edge needs.
   std::size_t edge_bytes() const {
     return sizeof(float) *
-           (std::size_t{2} * messages_.stride() + 64 * messages_.in_vectors() + fiber_.size() +
+           (std::size_t{2} * messages_.stride() + 5 + 64 * messages_.in_vectors() + fiber_.size() +
             10 * messages_.tables() + 4 * coefficient_vectors_ + 4 * feature_vectors_ + edge_numbers());
   }
   // Loops go through a sector's edges, or a part of all of them.
@@ -309,7 +344,7 @@ class PairGradientKernel : public Kernel {
   }
 
   Memory memory(const Range& scratch, std::size_t nodes, const graph::BatchLayout& layout) const {
-    const std::size_t edges = nodes * k_, rows = layout.rows(graph::Rows::pair_key);
+    const std::size_t edges = nodes * k_;
     Memory memory;
     const auto take = [&](std::size_t numbers) {
       const std::size_t bytes = sizeof(float) * std::max<std::size_t>(numbers, 4);
@@ -318,8 +353,10 @@ class PairGradientKernel : public Kernel {
       return range;
     };
     const std::size_t tables = messages_.tables();
-    memory.messages = take(edges * messages_.stride());
-    memory.rare = take(edges);
+    memory.messages = take(kept_ ? 0 : edges * messages_.stride());
+    memory.rare = take(kept_ ? 0 : edges);
+    memory.keys = take(2 * edges);
+    memory.order = take(2 * edges);
     memory.d_messages = take(edges * messages_.stride());
     memory.record = take(nodes * record_size_ * 4);
     memory.turned = take(edges * 64 * messages_.in_vectors());
@@ -333,11 +370,10 @@ class PairGradientKernel : public Kernel {
     memory.sector_lists = take(edges * tables);
     memory.edges = take(edges * edge_numbers());
     memory.partials = take(products_.partial_bytes(layout, graph::Rows::pair_key) / sizeof(float));
-    memory.lists = take(lists_->bytes(rows, rows) / sizeof(float));
     return memory;
   }
 
-  void record_run(const Arguments& args, const Memory& m, const EdgeLists& lists, std::uint32_t first_pair,
+  void record_run(const Arguments& args, Memory m, const EdgeLists& lists, std::uint32_t first_pair,
                   std::uint32_t pairs) const {
     const std::uint32_t keys = args.layout.key_points, first_node = first_pair * keys, nodes = pairs * keys,
                         edges = nodes * k_, tables = messages_.tables();
@@ -346,6 +382,7 @@ class PairGradientKernel : public Kernel {
                 given = args.in[gradient_.given_at(0)].range,
                 result = args.out[gradient_.constants_at()].range;
     const PairParameters run{first_node, nodes};
+    if (kept_) m.messages = args.kept.sub(messages_.bytes(first_node), messages_.bytes(nodes));
     const auto dispatch = [&](const Pipeline& pipeline, const std::vector<Range>& ranges,
                               std::array<std::uint32_t, 3> groups, double cost, std::uint32_t block = 0) {
       args.schedule.dispatch(pipeline, ranges,
@@ -355,16 +392,17 @@ class PairGradientKernel : public Kernel {
     const std::uint32_t groups = rounds(edges, work_group);
     const double cost = 10.0 * op_.coefficient_count * edges;
 
-    messages_.record(args, run, features, index, positions, m.messages, m.rare);
+    messages_.record_order(args, run, index, positions, m.keys, m.order);
+    if (!kept_) messages_.record(args, run, features, index, positions, m.order, m.messages, m.rare);
     args.schedule.dispatch(*node_pipeline_,
                            {features, m.messages, weights_.of(args), given, m.record, m.d_messages}, run,
                            {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
     std::uint32_t channels = 0;
     for (const auto& [d, c] : fiber_) channels = std::max(channels, number(c));
-    dispatch(*turn_pipeline_, {features, index, positions, m.d_messages, m.turned, m.d_turned},
+    dispatch(*turn_pipeline_, {features, m.order, positions, m.d_messages, m.turned, m.d_turned},
              {groups, messages_.in_vectors() + channels, 1}, 20.0 * messages_.stride() * edges);
     dispatch(*table_pipeline_,
-             {index, positions, messages_.heads().of(args), messages_.rays().of(args),
+             {m.order, positions, messages_.heads().of(args), messages_.rays().of(args),
               messages_.sectors().of(args), m.factors, m.ids},
              {groups, tables + 1, 1}, 100.0 * tables * edges);
     for (const KindParts& kind : kinds_)
@@ -373,7 +411,7 @@ class PairGradientKernel : public Kernel {
                 messages_.heads().of(args), blocks_.of(args), m.d_coefficients, m.d_features, m.d_radial},
                {groups, kind.count, 1}, cost * kind.count / 4, kind.first);
     dispatch(*edge_pipeline_,
-             {index, positions, m.messages, m.d_messages, m.turned, m.d_features, m.d_radial,
+             {m.order, positions, m.messages, m.d_messages, m.turned, m.d_features, m.d_radial,
               firsts_.of(args), m.edges},
              {groups, 1, 1}, 30.0 * messages_.stride() * edges);
     dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1}, 50.0 * edges * tables);
@@ -413,6 +451,7 @@ class PairGradientKernel : public Kernel {
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   const irreps::Fiber fiber_;  // messages: [values ; keys]
+  const bool kept_;            // the messages, by the operation itself
   PairMessages messages_;
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                 // vec4s

@@ -4,21 +4,33 @@
 
 #include "core/failure.hpp"
 #include "pair_messages.spv.hpp"
+#include "pair_messages_shuffle.spv.hpp"
+#include "pair_messages_texels.spv.hpp"
 #include "pair_networks.spv.hpp"
+#include "pair_order.spv.hpp"
 
 namespace bitr::vk {
 namespace {
 
-constexpr Access message_bindings[] = {Access::read, Access::read, Access::read,  Access::constant,
-                                       Access::read, Access::read, Access::write, Access::write};
+constexpr Access order_bindings[] = {Access::read, Access::read, Access::modify, Access::write};
+constexpr Access message_bindings[] = {Access::read, Access::read, Access::read,   Access::constant,
+                                       Access::read, Access::read, Access::modify, Access::write};
+constexpr Access texel_message_bindings[] = {Access::read, Access::read,   Access::texels, Access::constant,
+                                             Access::read, Access::texels, Access::modify, Access::write};
 constexpr Access network_bindings[] = {Access::read, Access::read, Access::read,  Access::constant,
                                        Access::read, Access::read, Access::write, Access::read};
+constexpr Shader order_shader{"pair_order", spirv::pair_order, order_bindings, sizeof(PairParameters), 3};
 constexpr Shader message_shader{"pair_messages", spirv::pair_messages, message_bindings,
                                 sizeof(PairParameters), 17};
+constexpr Shader texel_message_shader{"pair_messages_texels", spirv::pair_messages_texels,
+                                      texel_message_bindings, sizeof(PairParameters), 17};
+constexpr Shader shared_message_shader{"pair_messages_shuffle", spirv::pair_messages_shuffle,
+                                       message_bindings, sizeof(PairParameters), 17};
 constexpr Shader network_shader{"pair_networks", spirv::pair_networks, network_bindings,
                                 sizeof(PairParameters), 17};
 
 constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t ordered_edges = 4096;   // by a work group
 constexpr std::uint32_t wide_work_group = 128;  // of pair_networks, where loops would be too long for 32
 constexpr std::uint32_t most_shared = 16384;    // bytes: what every device has
 
@@ -49,12 +61,24 @@ PairMessages::PairMessages(const Site& site, const ops::PairAttention& op)
     throw Failure(ErrorCode::unsupported, "radial tables of " + std::to_string(bytes) +
                                               " bytes, the device binds " +
                                               std::to_string(capabilities_.storage_range));
-  choose_message_edges();
+  check_loops();
   choose_network_edges();
-  message_pipeline_ =
-      &site.context.pipeline(message_shader, layer_sizes(std::array{work_group, k_, message_edges_}));
+  order_pipeline_ = &site.context.pipeline(order_shader, std::array{work_group, k_, ordered_edges});
+  message_pipeline_ = &site.context.pipeline(capabilities_.texels    ? texel_message_shader
+                                             : capabilities_.shuffle ? shared_message_shader
+                                                                     : message_shader,
+                                             layer_sizes(std::array{work_group, k_, 0u}));
   network_pipeline_ =
       &site.context.pipeline(network_shader, layer_sizes({network_lanes_, k_, network_edges_}));
+}
+
+std::vector<Eigen::MatrixXd> PairMessages::weights() const {
+  std::vector<Eigen::MatrixXd> all;
+  for (const auto* matrices : {&op_.query, &op_.project, &op_.self})
+    for (const auto& [d, matrix] : *matrices) all.push_back(matrix);
+  if (op_.relu)
+    for (const auto& [d, plane] : op_.planes) all.push_back(plane);
+  return all;
 }
 
 std::vector<std::uint32_t> PairMessages::take_constants(VkDeviceSize offset) {
@@ -72,21 +96,12 @@ std::vector<std::uint32_t> PairMessages::take_constants(VkDeviceSize offset) {
   return all;
 }
 
-void PairMessages::choose_message_edges() {
-  const std::uint32_t in = in_vectors(), bytes = 100 + 256 * in + 16 * tables_.tables;
-  require_shared(bytes);
-  // Fewer spread over more of a graphics processor.
-  message_edges_ = std::min(on_processor() ? 16u : 8u, most_shared / bytes);
-  const auto loops = [&] {
-    std::uint32_t all = tables_.tables + rounds(4 * in * message_edges_, work_group) +
-                        rounds(tables_.tables * message_edges_, work_group) * (1 + tables_.search);
-    for (const irreps::Degree d : pair_degrees)
-      all +=
-          rounds(number(fiber_.channels(d)) * message_edges_, work_group) * (2 + 12 * in * number(1 + d.p));
-    return all;
-  };
-  while (message_edges_ > 1 && loops() >= capabilities_.loop_limit) --message_edges_;
-  if (loops() >= capabilities_.loop_limit)
+void PairMessages::check_loops() const {
+  std::uint32_t channels = 0;
+  for (const auto& [d, c] : fiber_) channels += number(c);
+  const std::uint32_t rounds = capabilities_.shuffle ? capabilities_.subgroup_size : 1;
+  if (in_vectors() * (tables_.tables * tables_.search + channels * (1 + 6 * rounds)) >=
+      capabilities_.loop_limit)
     throw Failure(ErrorCode::unsupported, "a two-sided layer this wide takes loops too long for the device");
 }
 
@@ -114,21 +129,37 @@ std::vector<std::uint32_t> PairMessages::layer_sizes(const std::array<std::uint3
   return sizes;
 }
 
+std::vector<std::uint32_t> PairMessages::attention_sizes(const std::array<std::uint32_t, 1>& first) const {
+  auto sizes = layer_sizes(std::array{first[0], k_, number(op_.heads)});
+  for (const irreps::Degree d : pair_degrees) sizes.push_back(number(op_.fiber_out.channels(d)));
+  sizes.push_back(!op_.self.empty());
+  sizes.push_back(op_.relu);
+  sizes.push_back(op_.relu_square);
+  return sizes;
+}
+
 std::uint32_t PairMessages::in_vectors() const {
   std::uint32_t most = 0;
   for (const auto& [d, m] : op_.fiber_in) most = std::max(most, padded(m) / 4);
   return most;
 }
 
+void PairMessages::record_order(const Arguments& args, const PairParameters& run, const Range& index,
+                                const Range& positions, const Range& keys, const Range& order) const {
+  const std::uint32_t edges = run.nodes * k_;
+  args.schedule.dispatch(*order_pipeline_, {index, positions, keys, order}, run,
+                         {rounds(edges, ordered_edges), 1, 1}, 200.0 * edges);
+}
+
 void PairMessages::record(const Arguments& args, const PairParameters& run, const Range& features,
-                          const Range& index, const Range& positions, const Range& messages,
-                          const Range& rare) const {
+                          const Range& index, const Range& positions, const Range& order,
+                          const Range& messages, const Range& rare) const {
   const std::uint32_t edges = run.nodes * k_;
   const Range heads = heads_.of(args), rays = rays_.of(args), sectors = sectors_.of(args);
   const double cost = 10.0 * op_.coefficient_count * edges;
   args.schedule.dispatch(*message_pipeline_,
-                         {features, index, positions, heads, rays, sectors, messages, rare}, run,
-                         {rounds(edges, message_edges_), 1, 1}, cost);
+                         {features, order, positions, heads, rays, sectors, messages, rare}, run,
+                         {rounds(edges, work_group), 1, 1}, cost);
   args.schedule.dispatch(*network_pipeline_,
                          {features, index, positions, heads, rays, sectors, messages, rare}, run,
                          {rounds(edges, network_edges_), 1, 1}, 10 * cost);

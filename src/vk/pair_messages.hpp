@@ -17,6 +17,8 @@ class PairMessages {
   /// Throws Failure (`unsupported`) for a layer that is too wide for the device.
   PairMessages(const Site& site, const ops::PairAttention& op);
 
+  /// Matrices of the layer's attention, by degree: query, project, self (if any), planes (if any).
+  std::vector<Eigen::MatrixXd> weights() const;
   /// Radial tables for the kernel's constants, where they begin at `offset` bytes; to be asked for once.
   std::vector<std::uint32_t> take_constants(VkDeviceSize offset);
   const ConstantPart& heads() const { return heads_; }
@@ -24,20 +26,27 @@ class PairMessages {
   const ConstantPart& sectors() const { return sectors_; }
   /// Specialization constants 0 … 16 of shaders that include common/pair_layer.glsl, from their first three.
   std::vector<std::uint32_t> layer_sizes(const std::array<std::uint32_t, 3>& first) const;
+  /// 0 … 23 of those that go from messages to results, from their first.
+  std::vector<std::uint32_t> attention_sizes(const std::array<std::uint32_t, 1>& first) const;
 
   std::uint32_t stride() const { return padded(fiber_.size()); }  ///< numbers of an edge's messages
   std::uint32_t in_vectors() const;  ///< vec4s that hold the input channels of any degree
   std::uint32_t tables() const { return tables_.tables; }
   bool linear() const { return tables_.linear; }
   bool on_processor() const { return capabilities_.type == VK_PHYSICAL_DEVICE_TYPE_CPU; }
-  std::uint32_t neighbours() const { return k_; }
+  /// Of the messages of so many nodes.
+  std::size_t bytes(std::size_t nodes) const { return sizeof(float) * stride() * k_ * nodes; }
 
-  /// Of the run's edges; `rare`: a u32 per edge, scratch memory.
+  /// The run's edges in an order in which neighbours mostly share sectors. `order` and `keys`: two u32 per
+  /// edge, the latter scratch memory.
+  void record_order(const Arguments& args, const PairParameters& run, const Range& index,
+                    const Range& positions, const Range& keys, const Range& order) const;
+  /// Of the run's edges, after that; `rare`: a u32 per edge, scratch memory.
   void record(const Arguments& args, const PairParameters& run, const Range& features, const Range& index,
-              const Range& positions, const Range& messages, const Range& rare) const;
+              const Range& positions, const Range& order, const Range& messages, const Range& rare) const;
 
  private:
-  void choose_message_edges();
+  void check_loops() const;
   void choose_network_edges();
 
   const ops::PairAttention op_;
@@ -46,8 +55,8 @@ class PairMessages {
   const irreps::Fiber fiber_;  // [values ; keys]
   PairTables tables_;
   ConstantPart heads_, rays_, sectors_;
-  std::uint32_t message_edges_ = 1, network_edges_ = 1, network_lanes_ = 32;
-  const Pipeline *message_pipeline_ = nullptr, *network_pipeline_ = nullptr;
+  std::uint32_t network_edges_ = 1, network_lanes_ = 32;
+  const Pipeline *order_pipeline_ = nullptr, *message_pipeline_ = nullptr, *network_pipeline_ = nullptr;
 };
 
 /// Throws Failure (`unsupported`) if a work group of a two-sided layer would take more than every device has.

@@ -9,7 +9,9 @@ namespace bitr::vk {
 namespace {
 
 VkDescriptorType descriptor_type(Access access) {
-  return access == Access::constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+  return access == Access::constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
+         : access == Access::texels ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
+                                    : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
 }
 
 // The driver's blob goes behind a header of ours: a driver trusts what it is given.

@@ -2,32 +2,47 @@
 
 #include "core/failure.hpp"
 #include "point_attention.spv.hpp"
-#include "vk/kernel.hpp"
+#include "point_attention_texels.spv.hpp"
+#include "vk/point_attention_gradient.hpp"
 
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read,  Access::read,
-                               Access::read, Access::read, Access::write, Access::constant};
+constexpr Access bindings[] = {Access::read, Access::read,  Access::read,     Access::read, Access::read,
+                               Access::read, Access::write, Access::constant, Access::write};
+constexpr Access texel_bindings[] = {Access::texels, Access::read,     Access::texels,
+                                     Access::texels, Access::read,     Access::read,
+                                     Access::write,  Access::constant, Access::write};
 constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
+constexpr Shader texel_shader{"point_attention_texels", spirv::point_attention_texels, texel_bindings,
+                              sizeof(PointParameters), 9};
 
 // FLAGS of the shader.
 constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
-                        relu_square = 32;
+                        relu_square = 32, keeps_sums = 64;
+
+// Of sums for the gradient, which makes them again where there are more.
+constexpr std::size_t most_kept = std::size_t{64} << 20;
 
 class PointAttentionKernel : public Kernel {
  public:
   PointAttentionKernel(const Site& site, const ops::PointAttention& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
-        row_bytes_(sizeof(float) * padded(site.out[0].width)) {
+        row_bytes_(sizeof(float) * padded(site.out[0].width)),
+        rows_(site.out[0].rows),
+        keeps_(site.kept && kept_row_bytes(op) * site.largest.rows(rows_) <= most_kept) {
     for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
     pad_constants(4);
     if (!op.per_cloud)
       for (const auto* matrix : {&op.M0, &op.O0, &op.S0, &op.Mz0, &op.Oz0}) add_constants(*matrix);
     if (constants().empty()) add_constant(0.0);
     pad_constants(4);
-    pipeline_ = &site.context.pipeline(shader, specializations(site));
+    pipeline_ = &site.context.pipeline(capabilities_.texels ? texel_shader : shader, specializations(site));
+  }
+
+  std::size_t kept_bytes(const graph::BatchLayout& layout) const override {
+    return keeps_ ? kept_row_bytes(op_) * layout.rows(rows_) : 0;
   }
 
   void record(const Arguments& args) const override {
@@ -37,13 +52,15 @@ class PointAttentionKernel : public Kernel {
     const double cost = index.per_row * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
     for (const TileRun& run :
          tile_runs(table, capabilities_, cost,
-                   std::max(row_bytes_, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row))))
+                   std::max(row_bytes_, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))) {
+      const Range rows = rows_of(result.range, row_bytes_, run);
       args.schedule.dispatch(*pipeline_,
                              {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
-                              op_.per_cloud ? args.in[4].range : features.range, table.tiles,
-                              rows_of(result.range, row_bytes_, run), args.constants},
+                              op_.per_cloud ? args.in[4].range : features.range, table.tiles, rows,
+                              args.constants, keeps_ ? args.kept : rows},
                              PointParameters{run.first, run.first_row}, {run.count, 1, 1},
                              cost * (run.end_row - run.first_row));
+    }
   }
 
  private:
@@ -52,7 +69,8 @@ class PointAttentionKernel : public Kernel {
     const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
                                 (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
-                                (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u);
+                                (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
+                                (keeps_ ? keeps_sums : 0u);
     return {tile_rows,
             number(site.in[1].per_row),
             number(op.c0),
@@ -68,6 +86,8 @@ class PointAttentionKernel : public Kernel {
   const Pipeline* pipeline_ = nullptr;
   const Capabilities& capabilities_;
   const std::size_t row_bytes_;  // of the result
+  const graph::Rows rows_;
+  const bool keeps_;  // its sums, for the gradient
 };
 
 }  // namespace

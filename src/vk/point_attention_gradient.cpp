@@ -4,7 +4,9 @@
 
 #include "core/failure.hpp"
 #include "point_attention_gradient.spv.hpp"
+#include "point_attention_gradient_texels.spv.hpp"
 #include "point_attention_sums.spv.hpp"
+#include "point_attention_sums_texels.spv.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/reverse_neighbours.hpp"
 
@@ -13,20 +15,32 @@ namespace {
 
 constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read,   Access::read,    Access::read,
                                    Access::read, Access::read, Access::modify, Access::constant};
+constexpr Access texel_sum_bindings[] = {Access::texels, Access::read,   Access::texels,
+                                         Access::texels, Access::read,   Access::read,
+                                         Access::texels, Access::modify, Access::constant};
 constexpr Access gradient_bindings[] = {Access::read,   Access::read,  Access::read,
                                         Access::read,   Access::read,  Access::read,
                                         Access::modify, Access::write, Access::constant};
+constexpr Access texel_gradient_bindings[] = {Access::texels, Access::read,  Access::texels,
+                                              Access::texels, Access::read,  Access::read,
+                                              Access::modify, Access::write, Access::constant};
 constexpr Shader sum_shader{"point_attention_sums", spirv::point_attention_sums, sum_bindings,
                             sizeof(PointGradientParameters), 9};
+constexpr Shader texel_sum_shader{"point_attention_sums_texels", spirv::point_attention_sums_texels,
+                                  texel_sum_bindings, sizeof(PointGradientParameters), 9};
 constexpr Shader gradient_shader{"point_attention_gradient", spirv::point_attention_gradient,
                                  gradient_bindings, sizeof(PointGradientParameters), 9};
+constexpr Shader texel_gradient_shader{"point_attention_gradient_texels",
+                                       spirv::point_attention_gradient_texels, texel_gradient_bindings,
+                                       sizeof(PointGradientParameters), 9};
 
 // FLAGS of the shaders.
 constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
                         relu_square = 32, zero_edges = 64, constant_feature = 128, wants_features = 256,
-                        wants_centres = 512;
+                        wants_centres = 512, kept_sums = 1024;
 
 constexpr std::uint32_t listed_tiles = 32;
+constexpr std::size_t cached_rows = 1024 + 63;
 
 std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t quads(int n) { return padded(n) / 4; }
@@ -82,6 +96,7 @@ class PointGradientKernel : public Kernel {
         capabilities_(site.context.capabilities()),
         layout_(op),
         k_(number(site.in[slots.index].per_row)),
+        kept_(site.kept),
         rows_(site.in[slots.given].rows),
         points_(site.in[slots.neighbours].rows) {
     if (op.per_cloud && (op.relu || slots.d_centres >= 0 || slots.d_constants >= 0))
@@ -97,6 +112,10 @@ class PointGradientKernel : public Kernel {
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override { return memory(layout).bytes; }
+  int listed_input() const override { return lists_ ? slots_.index : -1; }
+  std::size_t list_bytes(const graph::BatchLayout& layout) const override {
+    return lists_->bytes(layout.rows(rows_), layout.rows(points_));
+  }
 
   void record(const Arguments& args) const override {
     const Memory memory = this->memory(args.layout);
@@ -106,9 +125,7 @@ class PointGradientKernel : public Kernel {
     const OuterSums::Memory sums{jobs_.of(args), places_.of(args),
                                  args.scratch.sub(memory.partials, memory.partial_bytes)};
     EdgeLists lists{records, records, records};
-    if (lists_)
-      lists = lists_->record(args, args.scratch.sub(memory.lists, memory.list_bytes), args.in[slots_.index],
-                             rows_, points_);
+    if (lists_) lists = lists_->record(args, args.in[slots_.index], rows_, points_);
     for (const Run& run : runs(args.layout, table)) {
       record_rows(args, table, run, records, edges);
       if (!products_.empty())
@@ -137,7 +154,7 @@ class PointGradientKernel : public Kernel {
     TileRun rows;
   };
   struct Memory {
-    std::size_t edges, edge_bytes, partials, partial_bytes, lists, list_bytes, bytes;  // records come first
+    std::size_t edges, edge_bytes, partials, partial_bytes, bytes;  // records come first
   };
 
   Part add(const std::vector<std::uint32_t>& numbers) {
@@ -208,10 +225,13 @@ class PointGradientKernel : public Kernel {
                                     number(op.m0),
                                     number(op.m1),
                                     number(op.heads),
-                                    flags | (zero ? zero_edges : 0u),
+                                    flags | (zero    ? zero_edges
+                                             : kept_ ? kept_sums
+                                                     : 0u),
                                     static_cast<std::uint32_t>(weights_.bytes / 16)};
-      sum_pipelines_[zero] = &context.pipeline(sum_shader, sizes);
-      gradient_pipelines_[zero] = &context.pipeline(gradient_shader, sizes);
+      sum_pipelines_[zero] = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader, sizes);
+      gradient_pipelines_[zero] =
+          &context.pipeline(capabilities_.texels ? texel_gradient_shader : gradient_shader, sizes);
     }
     if (!products_.empty())
       products_.make_pipelines(context, layout_.size, layout_.state, slots_.d_coefficients >= 0);
@@ -230,6 +250,11 @@ class PointGradientKernel : public Kernel {
   std::size_t most_rows() const {
     return capabilities_.storage_range / std::max(record_bytes(), edge_bytes());
   }
+  // What edges send is read in no order: on a processor, while it is in a cache.
+  std::size_t usual_rows() const {
+    const bool processor = capabilities_.type == VK_PHYSICAL_DEVICE_TYPE_CPU;
+    return processor ? std::min(cached_rows, most_rows()) : most_rows();
+  }
 
   Memory memory(const graph::BatchLayout& layout) const {
     const std::size_t rows = std::min(layout.rows(rows_), most_rows());
@@ -238,9 +263,7 @@ class PointGradientKernel : public Kernel {
     memory.edge_bytes = std::max<std::size_t>(aligned(rows * edge_bytes()), 256);
     memory.partials = memory.edges + memory.edge_bytes;
     memory.partial_bytes = std::max<std::size_t>(aligned(products_.partial_bytes(layout, rows_)), 256);
-    memory.lists = memory.partials + memory.partial_bytes;
-    memory.list_bytes = lists_ ? lists_->bytes(layout.rows(rows_), layout.rows(points_)) : 0;
-    memory.bytes = memory.lists + memory.list_bytes;
+    memory.bytes = memory.partials + memory.partial_bytes;
     return memory;
   }
 
@@ -250,7 +273,9 @@ class PointGradientKernel : public Kernel {
     for (std::uint32_t first = 0; first < clouds;) {
       const std::size_t first_row = layout.begin(rows_, first) / 64 * 64;
       std::uint32_t end = first;
-      while (end < clouds && layout.begin(rows_, end + 1) - first_row <= most_rows()) ++end;
+      while (end < clouds &&
+             layout.begin(rows_, end + 1) - first_row <= (end > first ? usual_rows() : most_rows()))
+        ++end;
       if (end == first)
         throw Failure(ErrorCode::unsupported,
                       "a cloud of " +
@@ -297,21 +322,24 @@ class PointGradientKernel : public Kernel {
     const double cost = k_ * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
     const auto most =
         static_cast<std::uint32_t>(std::clamp(most_cost / (5 * cost * tile_rows), 1.0, 65535.0));
-    const auto dispatch = [&](const Pipeline* const(&pipelines)[2], const std::vector<Range>& ranges,
-                              double factor) {
+    const auto dispatch = [&](const Pipeline* const(&pipelines)[2],
+                              std::array<const std::vector<Range>*, 2> ranges, double factor) {
       for (std::uint32_t first = 0; first < rows.count; first += most) {
         const std::uint32_t tiles = std::min(rows.count - first, most);
         const PointGradientParameters parameters{rows.first + first, tiles, rows.first_row};
-        args.schedule.dispatch(*pipelines[0], ranges, parameters, {tiles, 1, 1},
+        args.schedule.dispatch(*pipelines[0], *ranges[0], parameters, {tiles, 1, 1},
                                factor * cost * tiles * tile_rows);
         // Tiles that have edges of length zero, once more.
-        args.schedule.dispatch(*pipelines[1], ranges, parameters,
+        args.schedule.dispatch(*pipelines[1], *ranges[1], parameters,
                                {(tiles + listed_tiles - 1) / listed_tiles, 1, 1}, factor * cost * tiles);
       }
     };
     const Range weights = weights_.of(args);
-    dispatch(sum_pipelines_, with({args.in[slots_.given].range, records, weights}), 1);
-    dispatch(gradient_pipelines_, with({records, edges, weights}), 4);
+    std::vector<Range> sums = with({args.in[slots_.given].range, records, weights}), all_sums = sums;
+    if (kept_) sums[3] = args.kept;
+    dispatch(sum_pipelines_, {&sums, &all_sums}, 1);
+    const std::vector<Range> gradients = with({records, edges, weights});
+    dispatch(gradient_pipelines_, {&gradients, &gradients}, 4);
   }
 
   const ops::PointAttention op_;
@@ -319,6 +347,7 @@ class PointGradientKernel : public Kernel {
   const Capabilities& capabilities_;
   const Record layout_;
   const std::uint32_t k_;
+  const bool kept_;  // what the layer sums over edges, by itself
   const graph::Rows rows_, points_;
   OuterSums products_;
   Part weights_{}, jobs_{}, places_{};
@@ -328,6 +357,11 @@ class PointGradientKernel : public Kernel {
 };
 
 }  // namespace
+
+std::size_t kept_row_bytes(const ops::PointAttention& op) {
+  return 16 * (std::size_t{quads(op.heads * op.n0())} + 3 * quads(op.m1 > 0 ? op.heads * op.n1() : 0) + 1 +
+               static_cast<std::size_t>(op.heads));
+}
 
 KernelPtr make_point_gradient(const Site& site, const ops::PointAttention& op,
                               const PointGradientSlots& slots) {

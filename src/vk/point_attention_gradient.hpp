@@ -14,6 +14,9 @@ struct PointGradientSlots {
   std::optional<double> constant = {};  ///< the feature of all points, if there is no tensor of them
 };
 
+/// Bytes of what point_attention.comp keeps of a row for the gradient.
+std::size_t kept_row_bytes(const ops::PointAttention& op);
+
 KernelPtr make_point_gradient(const Site& site, const ops::PointAttention& op,
                               const PointGradientSlots& slots);
 

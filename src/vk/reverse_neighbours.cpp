@@ -4,6 +4,7 @@
 
 #include "core/failure.hpp"
 #include "gather_edges.spv.hpp"
+#include "gather_edges_texels.spv.hpp"
 #include "reverse_neighbours_clear.spv.hpp"
 #include "reverse_neighbours_count.spv.hpp"
 #include "reverse_neighbours_fill.spv.hpp"
@@ -20,6 +21,8 @@ constexpr Access fill_bindings[] = {Access::read, Access::read, Access::read, Ac
 constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::write};
 constexpr Access gather_bindings[] = {Access::read, Access::read, Access::read, Access::read,
                                       Access::read, Access::read, Access::write};
+constexpr Access texel_gather_bindings[] = {Access::read,   Access::read, Access::read, Access::texels,
+                                            Access::texels, Access::read, Access::write};
 constexpr Shader clear_shader{"reverse_neighbours_clear", spirv::reverse_neighbours_clear, clear_bindings,
                               sizeof(EdgeParameters), 1};
 constexpr Shader count_shader{"reverse_neighbours_count", spirv::reverse_neighbours_count, count_bindings,
@@ -32,6 +35,8 @@ constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbour
                              sizeof(EdgeParameters), 1};
 constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
                                9};
+constexpr Shader texel_gather_shader{"gather_edges_texels", spirv::gather_edges_texels, texel_gather_bindings,
+                                     sizeof(GatherParameters), 9};
 
 constexpr std::uint32_t work_group = 128;
 
@@ -54,18 +59,19 @@ std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbours) c
   return 2 * list_bytes(neighbours) + 2 * list_bytes(rows * k_);
 }
 
-EdgeLists ReverseNeighbours::record(const Arguments& args, const Range& scratch, const Slot& index,
-                                    graph::Rows rows, graph::Rows neighbours) const {
+EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, graph::Rows rows,
+                                    graph::Rows neighbours) const {
   const auto count = static_cast<std::uint32_t>(args.layout.rows(neighbours));
   const auto edges = static_cast<std::uint32_t>(args.layout.rows(rows) * k_);
   if (sizeof(std::uint32_t) * edges > capabilities_.storage_range)
     throw Failure(ErrorCode::unsupported, "a batch with " + std::to_string(edges) +
                                               " edges; the device binds the lists of " +
                                               std::to_string(capabilities_.storage_range / 4));
-  const Range counts = scratch.sub(0, sizeof(std::uint32_t) * count),
+  const Range &scratch = args.lists, counts = scratch.sub(0, sizeof(std::uint32_t) * count),
               begins = scratch.sub(list_bytes(count), counts.size),
               places = scratch.sub(2 * list_bytes(count), sizeof(std::uint32_t) * edges),
               unsorted = scratch.sub(2 * list_bytes(count) + list_bytes(edges), places.size);
+  if (!args.make_lists) return {begins, counts, places};
   const auto all = [&](const Pipeline& pipeline, std::uint32_t items, const std::vector<Range>& ranges) {
     const std::uint32_t most = capabilities_.groups * work_group;
     for (std::uint32_t first = 0; first < items; first += most) {
@@ -90,7 +96,7 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Range& scratch,
 
 EdgeGather::EdgeGather(const Context& context, const Shape& shape)
     : shape_(shape),
-      pipeline_(&context.pipeline(gather_shader,
+      pipeline_(&context.pipeline(context.capabilities().texels ? texel_gather_shader : gather_shader,
                                   std::array{tile_rows, shape.width / 4, shape.record, shape.own,
                                              (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) |
                                                  (shape.both_ends > 0 ? 4u : 0u),

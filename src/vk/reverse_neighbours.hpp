@@ -16,9 +16,8 @@ class ReverseNeighbours {
 
   /// Bytes for an index tensor with k neighbours of each of `rows` rows among `neighbours` others.
   std::size_t bytes(std::size_t rows, std::size_t neighbours) const;
-  /// Makes the lists in `scratch`. `rows`: what the index tensor has a row of.
-  EdgeLists record(const Arguments& args, const Range& scratch, const Slot& index, graph::Rows rows,
-                   graph::Rows neighbours) const;
+  /// The lists in `args.lists`, which it makes if they are to be. `rows`: what the index tensor has a row of.
+  EdgeLists record(const Arguments& args, const Slot& index, graph::Rows rows, graph::Rows neighbours) const;
 
  private:
   const Capabilities& capabilities_;

@@ -66,31 +66,57 @@ void Schedule::shuffle(std::uint64_t seed) {
 }
 
 Recorder::~Recorder() {
+  destroy_views();
   if (pool_) context_.vk().DestroyDescriptorPool(context_.device(), pool_, context_.allocation());
+}
+
+void Recorder::destroy_views() {
+  for (const auto& [range, view] : views_)
+    context_.vk().DestroyBufferView(context_.device(), view, context_.allocation());
+  views_.clear();
+}
+
+VkBufferView Recorder::view(const Range& range) {
+  VkBufferView& view = views_[{range.buffer, range.offset, range.size}];
+  if (view) return view;
+  const VkBufferViewCreateInfo info{.sType = VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO,
+                                    .pNext = nullptr,
+                                    .flags = 0,
+                                    .buffer = range.buffer,
+                                    .format = VK_FORMAT_R32G32B32A32_SFLOAT,
+                                    .offset = range.offset,
+                                    .range = range.size / 16 * 16};
+  check(context_.vk().CreateBufferView(context_.device(), &info, context_.allocation(), &view),
+        "vkCreateBufferView");
+  return view;
 }
 
 void Recorder::bind(const Schedule& schedule) {
   const DeviceFunctions& vk = context_.vk();
-  std::uint32_t sets = 0, storage = 0, uniform = 0;
+  destroy_views();
+  std::uint32_t sets = 0, storage = 0, uniform = 0, texels = 0;
   for (const Work& work : schedule.works()) {
     if (!work.pipeline) continue;
     ++sets;
     for (const Access access : work.pipeline->shader->bindings)
-      ++(access == Access::constant ? uniform : storage);
+      ++(access == Access::constant ? uniform : access == Access::texels ? texels : storage);
   }
-  if (sets > pool_sets_ || storage > pool_storage_ || uniform > pool_uniform_) {
+  if (sets > pool_sets_ || storage > pool_storage_ || uniform > pool_uniform_ || texels > pool_texels_) {
     if (pool_) vk.DestroyDescriptorPool(context_.device(), pool_, context_.allocation());
     pool_ = VK_NULL_HANDLE;
     pool_sets_ = std::max(sets, pool_sets_);
     pool_storage_ = std::max(storage, pool_storage_);
     pool_uniform_ = std::max(uniform, pool_uniform_);
-    const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, std::max(pool_storage_, 1u)},
-                                          {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, std::max(pool_uniform_, 1u)}};
+    pool_texels_ = std::max(texels, pool_texels_);
+    const VkDescriptorPoolSize sizes[] = {
+        {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, std::max(pool_storage_, 1u)},
+        {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, std::max(pool_uniform_, 1u)},
+        {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, std::max(pool_texels_, 1u)}};
     const VkDescriptorPoolCreateInfo info{.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO,
                                           .pNext = nullptr,
                                           .flags = 0,
                                           .maxSets = pool_sets_,
-                                          .poolSizeCount = 2,
+                                          .poolSizeCount = 3,
                                           .pPoolSizes = sizes};
     check(vk.CreateDescriptorPool(context_.device(), &info, context_.allocation(), &pool_),
           "vkCreateDescriptorPool");
@@ -109,8 +135,10 @@ void Recorder::bind(const Schedule& schedule) {
                                                .pSetLayouts = &work.pipeline->set_layout};
     check(vk.AllocateDescriptorSets(context_.device(), &allocate, &sets_[w]), "vkAllocateDescriptorSets");
     std::vector<VkDescriptorBufferInfo> buffers;
+    std::vector<VkBufferView> views;
     std::vector<VkWriteDescriptorSet> writes;
     buffers.reserve(work.ranges.size());
+    views.reserve(work.ranges.size());
     for (std::uint32_t i = 0; i < work.ranges.size(); ++i) {
       const Range& range = work.ranges[i];
       const bool constant = work.pipeline->shader->bindings[i] == Access::constant;
@@ -120,18 +148,21 @@ void Recorder::bind(const Schedule& schedule) {
                       std::string(work.name()) + ": binding " + std::to_string(i) + " needs " +
                           std::to_string(range.size) + " bytes, " + c.name + " binds at most " +
                           std::to_string(most) + ": give it smaller clouds or fewer pairs at once");
+      const bool texel = work.pipeline->shader->bindings[i] == Access::texels;
       buffers.push_back({range.buffer, range.offset, range.size});
-      writes.push_back(
-          {.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
-           .pNext = nullptr,
-           .dstSet = sets_[w],
-           .dstBinding = i,
-           .dstArrayElement = 0,
-           .descriptorCount = 1,
-           .descriptorType = constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
-           .pImageInfo = nullptr,
-           .pBufferInfo = &buffers.back(),
-           .pTexelBufferView = nullptr});
+      views.push_back(texel ? view(range) : VK_NULL_HANDLE);
+      writes.push_back({.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
+                        .pNext = nullptr,
+                        .dstSet = sets_[w],
+                        .dstBinding = i,
+                        .dstArrayElement = 0,
+                        .descriptorCount = 1,
+                        .descriptorType = constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
+                                          : texel  ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
+                                                   : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                        .pImageInfo = nullptr,
+                        .pBufferInfo = &buffers.back(),
+                        .pTexelBufferView = &views.back()});
     }
     vk.UpdateDescriptorSets(context_.device(), static_cast<std::uint32_t>(writes.size()), writes.data(), 0,
                             nullptr);

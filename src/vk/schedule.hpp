@@ -4,8 +4,10 @@
 
 #include <array>
 #include <cstring>
+#include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "vk/device.hpp"
@@ -114,12 +116,15 @@ class Recorder {
     bool written;
   };
   bool conflicts(const Work& work) const;
+  VkBufferView view(const Range& range);
+  void destroy_views();
 
   const Context& context_;
   VkDescriptorPool pool_ = VK_NULL_HANDLE;
-  std::uint32_t pool_sets_ = 0, pool_storage_ = 0, pool_uniform_ = 0;
+  std::uint32_t pool_sets_ = 0, pool_storage_ = 0, pool_uniform_ = 0, pool_texels_ = 0;
   std::vector<VkDescriptorSet> sets_;  // per work; null for copies
-  std::vector<Touched> pending_;       // since the last barrier
+  std::map<std::tuple<VkBuffer, VkDeviceSize, VkDeviceSize>, VkBufferView> views_;  // of texel buffers
+  std::vector<Touched> pending_;                                                    // since the last barrier
   Counters counters_;
 };
 

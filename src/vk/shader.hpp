@@ -11,6 +11,7 @@ enum class Access : std::uint8_t {
   write,     ///< storage buffer
   modify,    ///< storage buffer, read and written
   constant,  ///< uniform buffer
+  texels,    ///< uniform texel buffer of vec4s: read as a storage buffer is, faster on some devices
 };
 
 struct Shader {
