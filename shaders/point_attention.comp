@@ -15,6 +15,10 @@
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
+#ifdef TEXELS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
 #include "common/projected_relu.glsl"
@@ -81,12 +85,7 @@ layout(push_constant) uniform Push { PointParameters p; };
 #define QUADS(n) (((n) + 3) / 4)
 const int KEPT_SUM1 = QUADS(HEADS * N0), KEPT_STATE = KEPT_SUM1 + 3 * QUADS(HEADS * N1), KEPT = KEPT_STATE + 1 + HEADS;
 
-uint cloud;
-
-float weight1(int i) { return weights[i / 4][i % 4]; }
-float weight0(int i) {
-  return PER_CLOUD ? coefficients[cloud * COEFFICIENT_STRIDE + i] : weight1(DEGREE0 + i);
-}
+#include "common/point_weights.glsl"
 
 #define SCALAR(f, c) f[c]
 #define VECTOR(f, c) vec3(f[C0 + 3 * (c)], f[C0 + 3 * (c) + 1], f[C0 + 3 * (c) + 2])
@@ -106,14 +105,20 @@ void main() {
   const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1);
   cloud = tile.x;
 
-  float query0[HEADS * N0];
+  float query0[HEADS * N0], zero_query0[HEADS * Z0];
   vec3 query1[HEADS * N1 > 0 ? HEADS * N1 : 1];
   float own[4 * F4];
   if (!UNIFORM) {
     LOAD_FEATURE(own, row)
+    WEIGHTS0(m0, M0, HEADS * N0 * Z0)
     [[unroll]] for (int i = 0; i < HEADS * N0; ++i) {
-      query0[i] = weight0(M0 + i * Z0 + C0);
-      [[unroll]] for (int c = 0; c < C0; ++c) query0[i] += weight0(M0 + i * Z0 + c) * SCALAR(own, c);
+      query0[i] = m0[i * Z0 + C0];
+      [[unroll]] for (int c = 0; c < C0; ++c) query0[i] += m0[i * Z0 + c] * SCALAR(own, c);
+    }
+    WEIGHTS0(mz0, MZ0, HEADS * Z0 * Z0)
+    [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) {
+      zero_query0[i] = mz0[i * Z0 + C0];
+      [[unroll]] for (int c = 0; c < C0; ++c) zero_query0[i] += mz0[i * Z0 + c] * SCALAR(own, c);
     }
     [[unroll]] for (int i = 0; i < KEYS1 * HEADS * N1; ++i) {
       query1[i] = vec3(0);
@@ -172,12 +177,8 @@ void main() {
         [[unroll]] for (int i = 0; i < N0; ++i) logit += query0[h * N0 + i] * phi0[i];
         [[unroll]] for (int i = 0; i < KEYS1 * N1; ++i) logit += dot(query1[h * N1 + i], phi1[i]);
         if (edge.zero) {
-          [[unroll]] for (int i = 0; i < Z0; ++i) {
-            const int at = MZ0 + (h * Z0 + i) * Z0;
-            float q = weight0(at + C0);
-            [[unroll]] for (int c = 0; c < C0; ++c) q += weight0(at + c) * SCALAR(own, c);
-            logit += q * (i < C0 ? SCALAR(f, i < C0 ? i : 0) : 1.0);
-          }
+          [[unroll]] for (int i = 0; i < Z0; ++i)
+            logit += zero_query0[h * Z0 + i] * (i < C0 ? SCALAR(f, i < C0 ? i : 0) : 1.0);
           [[unroll]] for (int i = 0; i < KEYS1 * Z1; ++i) {
             vec3 q = vec3(0);
             [[unroll]] for (int c = 0; c < C1; ++c) q += weight1(MZ1 + (h * Z1 + i) * C1 + c) * VECTOR(own, c);
@@ -230,10 +231,12 @@ void main() {
     for (int o = 0; o < OUT0; ++o) {
       float x = 0.0;
       if (!UNIFORM) {
-        x = weight0(S0 + o * Z0 + C0);
-        [[unroll]] for (int c = 0; c < C0; ++c) x += weight0(S0 + o * Z0 + c) * SCALAR(own, c);
+        WEIGHTS0(s0, S0 + o * Z0, Z0)
+        x = s0[C0];
+        [[unroll]] for (int c = 0; c < C0; ++c) x += s0[c] * SCALAR(own, c);
       }
-      [[unroll]] for (int i = 0; i < HEADS * N0; ++i) x += weight0(O0 + o * HEADS * N0 + i) * sum0[i];
+      WEIGHTS0(o0, O0 + o * HEADS * N0, HEADS * N0)
+      [[unroll]] for (int i = 0; i < HEADS * N0; ++i) x += o0[i] * sum0[i];
       if (duplicates) {
         [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) x += weight0(OZ0 + o * HEADS * Z0 + i) * zero_sum0[i];
       }

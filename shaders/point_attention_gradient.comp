@@ -16,6 +16,10 @@
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
+#ifdef TEXELS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
 #include "common/texels.glsl"
@@ -32,6 +36,7 @@ layout(set = 0, binding = 7) writeonly buffer Edges { vec4 edges[]; };
 #include "common/point_layer.glsl"
 layout(set = 0, binding = 8) uniform Weights { vec4 weights[WEIGHTS]; };
 layout(push_constant) uniform Push { PointGradientParameters p; };
+#include "common/point_weights.glsl"
 #include "common/point_paths.glsl"
 
 float largest[HEADS], share[HEADS], delta[HEADS];
@@ -176,9 +181,10 @@ vec3 differentiate_paths(Edge edge) {
 
 // Of the row's own feature, through the queries and S.
 void differentiate_own() {
+  WEIGHTS0(m0, M0, HEADS * N0 * Z0)
   [[unroll]] for (int c = 0; c < C0; ++c) {
     d_scalar[c] = 0.0;
-    [[unroll]] for (int i = 0; i < HEADS * N0; ++i) d_scalar[c] += weight0(M0 + i * Z0 + c) * d_query0[i];
+    [[unroll]] for (int i = 0; i < HEADS * N0; ++i) d_scalar[c] += m0[i * Z0 + c] * d_query0[i];
     if (ZERO) {
       [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) d_scalar[c] += weight0(MZ0 + i * Z0 + c) * d_zero_query0[i];
     }
@@ -201,7 +207,8 @@ void add_own_scalars(uint at) {
   } else {
     for (int o = 0; o < OUT0; ++o) {
       const float g = record[at + GIVEN0 + o / 4][o % 4];
-      [[unroll]] for (int c = 0; c < C0; ++c) d_scalar[c] += weight0(S0 + o * Z0 + c) * g;
+      WEIGHTS0(s0, S0 + o * Z0, Z0)
+      [[unroll]] for (int c = 0; c < C0; ++c) d_scalar[c] += s0[c] * g;
     }
   }
 }

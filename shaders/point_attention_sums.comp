@@ -16,6 +16,10 @@
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
+#ifdef TEXELS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "common/edge.glsl"
 #include "common/parameters.glsl"
 #include "common/projected_relu.glsl"
@@ -33,6 +37,7 @@ layout(set = 0, binding = 7) buffer Record { vec4 record[]; };
 #include "common/point_layer.glsl"
 layout(set = 0, binding = 8) uniform Weights { vec4 weights[WEIGHTS]; };
 layout(push_constant) uniform Push { PointGradientParameters p; };
+#include "common/point_weights.glsl"
 #include "common/point_paths.glsl"
 #include "common/projected_relu_gradient.glsl"
 
@@ -191,9 +196,11 @@ void differentiate_scalars(uint row, uint at, bool inside) {
       float x = g[o % 4];
       if (RELU && !(linear0(o) > 0.0)) x *= LEAKY_SLOPE;
       g[o % 4] = x;
-      [[unroll]] for (int i = 0; i < HEADS * N0; ++i) gradient[i] += weight0(O0 + o * HEADS * N0 + i) * x;
+      WEIGHTS0(o0, O0 + o * HEADS * N0, HEADS * N0)
+      [[unroll]] for (int i = 0; i < HEADS * N0; ++i) gradient[i] += o0[i] * x;
       if (ZERO) {
-        [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) zero_gradient[i] += weight0(OZ0 + o * HEADS * Z0 + i) * x;
+        WEIGHTS0(oz0, OZ0 + o * HEADS * Z0, HEADS * Z0)
+        [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) zero_gradient[i] += oz0[i] * x;
       }
     }
     if (inside) record[at + GIVEN0 + part] = g;

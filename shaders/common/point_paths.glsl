@@ -1,5 +1,5 @@
-// The paths of an edge of a one-sided layer (common/point_layer.glsl), and how they meet the queries. Needs Features (common/texels.glsl),
-// coefficients[], weights[], tiles[], record[], p.
+// The paths of an edge of a one-sided layer (common/point_layer.glsl), and how they meet the queries. Needs Features
+// (common/texels.glsl), common/point_weights.glsl, tiles[], record[], p.
 
 // Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
 const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
@@ -7,7 +7,6 @@ const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824
 #define SCALAR(f, c) f[c]
 #define VECTOR(f, c) vec3(f[C0 + 3 * (c)], f[C0 + 3 * (c) + 1], f[C0 + 3 * (c) + 2])
 
-uint cloud;
 float own[4 * F4], feature[4 * F4];
 float phi0[N0];
 vec3 phi1[AT_LEAST_N1];
@@ -15,9 +14,6 @@ float zero_phi0[Z0];
 vec3 zero_phi1[AT_LEAST_Z1];
 float query0[HEADS * N0], zero_query0[HEADS * Z0];
 vec3 query1[HEADS * AT_LEAST_N1], zero_query1[HEADS * AT_LEAST_Z1];
-
-float weight1(int i) { return weights[i / 4][i % 4]; }
-float weight0(int i) { return PER_CLOUD ? coefficients[cloud * COEFFICIENT_STRIDE + i] : weight1(DEGREE0 + i); }
 
 vec4 feature_part(uint row, int i) {
   return CONSTANT ? vec4(weights[WEIGHTS - 1].x, 0, 0, 0) : VEC4_OF(Features, row * F4 + i);
@@ -32,18 +28,20 @@ void make_queries(uint row) {
     const vec4 part = feature_part(row, i);
     LOAD(own, i, part);
   }
+  WEIGHTS0(m0, M0, HEADS * N0 * Z0)
   [[unroll]] for (int i = 0; i < HEADS * N0; ++i) {
-    query0[i] = weight0(M0 + i * Z0 + C0);
-    [[unroll]] for (int c = 0; c < C0; ++c) query0[i] += weight0(M0 + i * Z0 + c) * SCALAR(own, c);
+    query0[i] = m0[i * Z0 + C0];
+    [[unroll]] for (int c = 0; c < C0; ++c) query0[i] += m0[i * Z0 + c] * SCALAR(own, c);
   }
   [[unroll]] for (int i = 0; i < KEYS1 * HEADS * N1; ++i) {
     query1[i] = vec3(0);
     [[unroll]] for (int c = 0; c < C1; ++c) query1[i] += weight1(M1 + i * C1 + c) * VECTOR(own, c);
   }
   if (ZERO) {
+    WEIGHTS0(mz0, MZ0, HEADS * Z0 * Z0)
     [[unroll]] for (int i = 0; i < HEADS * Z0; ++i) {
-      zero_query0[i] = weight0(MZ0 + i * Z0 + C0);
-      [[unroll]] for (int c = 0; c < C0; ++c) zero_query0[i] += weight0(MZ0 + i * Z0 + c) * SCALAR(own, c);
+      zero_query0[i] = mz0[i * Z0 + C0];
+      [[unroll]] for (int c = 0; c < C0; ++c) zero_query0[i] += mz0[i * Z0 + c] * SCALAR(own, c);
     }
     [[unroll]] for (int i = 0; i < KEYS1 * HEADS * Z1; ++i) {
       zero_query1[i] = vec3(0);
