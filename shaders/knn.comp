@@ -7,7 +7,7 @@
 //                                DILATION-th; K · DILATION ≤ 128
 // mod 5 found      u32[Q,K·DILATION,2] squared distance and row, between dispatches over parts of the references
 // spec 0 WORKGROUP=32  1 K≤64  2 DIM≤8  3 EXCLUDE_SELF  4 DILATION≤16 | grid tiles | shared 0 KiB
-// loops ≤ references/8 + references = 36864 < 65535 | error: indices equal to cpu/knn | fp32
+// loops ≤ 3·references/8 + references ≤ 45056 < 65535 | error: indices equal to cpu/knn | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -56,6 +56,63 @@ float squared(float before, vec4 a, vec4 b, int dims) {
   return sum;
 }
 
+vec4 query0, query1, loaded0, loaded1;
+
+void load_batch(uint base, uint step, uint end) {
+#ifdef SHUFFLE
+  const uint loaded_row = min(base + (gl_SubgroupInvocationID & 7u) * step, end - 1) * VECTORS;
+#else
+  const uint loaded_row = 0;
+#endif
+  loaded0 = references[loaded_row];
+  loaded1 = VECTORS > 1 ? references[loaded_row + 1] : vec4(0);
+}
+
+// Of the i-th of a batch; infinite past the end, and of the query itself.
+float distance_of(uint base, uint step, int i, uint end, uint self) {
+  const uint row = base + i * step, from = min(row, end - 1);
+  float sum = squared(0.0, query0, candidate(loaded0, from * VECTORS, i), DIM);
+  if (VECTORS > 1) sum = squared(sum, query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
+  return row < end && !(EXCLUDE_SELF && row == self) ? sum : INFINITY;
+}
+
+// Where many are wanted, most of the time goes into making room among those found, so that it pays to know beforehand how
+// far they can be: the least of a few distances, around one estimated from a sample, that NEAREST are within.
+const int SAMPLED = 16, BOUNDS = 8, SAMPLE_STEP = NEAREST > SAMPLED ? NEAREST / SAMPLED : 1;
+const bool BOUNDED = NEAREST > 32;
+
+float find_bound(uint begin, uint end, uint self) {
+  float least[SAMPLED];
+  [[unroll]] for (int j = 0; j < SAMPLED; ++j) least[j] = INFINITY;
+  for (uint base = begin; base < end; base += BATCH * SAMPLE_STEP) {
+    load_batch(base, SAMPLE_STEP, end);
+    [[unroll]] for (int i = 0; i < BATCH; ++i) {
+      float d = distance_of(base, SAMPLE_STEP, i, end, self);
+      [[unroll]] for (int j = 0; j < SAMPLED; ++j) {
+        const float before = least[j];
+        least[j] = min(before, d);
+        d = max(before, d);
+      }
+    }
+  }
+  float bounds[BOUNDS];
+  uint nearer[BOUNDS];
+  [[unroll]] for (int b = 0; b < BOUNDS; ++b) {
+    bounds[b] = least[SAMPLED - 1] * 0.7 * pow(1.16, float(b));
+    nearer[b] = 0u;
+  }
+  for (uint base = begin; base < end; base += BATCH) {
+    load_batch(base, 1, end);
+    [[unroll]] for (int i = 0; i < BATCH; ++i) {
+      const float d = distance_of(base, 1, i, end, self);
+      [[unroll]] for (int b = 0; b < BOUNDS; ++b) nearer[b] += d <= bounds[b] ? 1u : 0u;
+    }
+  }
+  float bound = INFINITY;
+  [[unroll]] for (int b = BOUNDS - 1; b >= 0; --b) bound = nearer[b] >= NEAREST ? bounds[b] : bound;
+  return bound;
+}
+
 void main() {
   const uvec4 tile = tiles[p.first_tile + gl_WorkGroupID.x];
   const uint row = min(tile.y + gl_LocalInvocationID.x, tile.z - 1);
@@ -63,14 +120,21 @@ void main() {
   const uint begin = segment_begin + p.first_reference;
   const uint end = min(begin + p.references, segment_end);
 
-  const vec4 query0 = queries[row * VECTORS];
-  const vec4 query1 = VECTORS > 1 ? queries[row * VECTORS + 1] : vec4(0);
+  query0 = queries[row * VECTORS];
+  query1 = VECTORS > 1 ? queries[row * VECTORS + 1] : vec4(0);
   const uint out_row = row - p.first_row;
 
   float nearest[NEAREST];
   uint nearest_row[NEAREST];
+  float reach = INFINITY;
+  if (BOUNDED) {
+    const bool wanted = p.first_reference == 0 && end - begin >= 2 * NEAREST;
+    const float bound = find_bound(begin, wanted ? end : begin, row);
+    // Farther than the bound by more than rounding, so that who is that far finds a place.
+    if (wanted) reach = bound * 1.00001 + 1e-30;
+  }
   [[unroll]] for (int j = 0; j < NEAREST; ++j) {
-    nearest[j] = INFINITY;
+    nearest[j] = reach;
     nearest_row[j] = segment_begin;
   }
   if (p.first_reference > 0) {
@@ -82,23 +146,16 @@ void main() {
   }
 
   for (uint base = begin; base < end; base += BATCH) {
-#ifdef SHUFFLE
-    const uint loaded_row = min(base + (gl_SubgroupInvocationID & 7u), end - 1) * VECTORS;
-#else
-    const uint loaded_row = 0;
-#endif
-    const vec4 loaded0 = references[loaded_row];
-    const vec4 loaded1 = VECTORS > 1 ? references[loaded_row + 1] : vec4(0);
+    load_batch(base, 1, end);
     float d[BATCH];
     float least = INFINITY;
     [[unroll]] for (int i = 0; i < BATCH; ++i) {
-      const uint from = min(base + i, end - 1);
-      float sum = squared(0.0, query0, candidate(loaded0, from * VECTORS, i), DIM);
-      if (VECTORS > 1) sum = squared(sum, query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
-      d[i] = base + i < end && !(EXCLUDE_SELF && base + i == row) ? sum : INFINITY;
+      d[i] = distance_of(base, 1, i, end, row);
       least = min(least, d[i]);
     }
-    while (least < nearest[NEAREST - 1]) {
+    // The condition at the end: processors go once more through the body of a loop that begins with it, and this one
+    // changes nothing where there is no candidate.
+    do {
       uint from = end;
       [[unroll]] for (int i = BATCH - 1; i >= 0; --i)
         if (d[i] == least) from = base + i;
@@ -116,7 +173,7 @@ void main() {
         d[i] = base + i == from ? INFINITY : d[i];
         least = min(least, d[i]);
       }
-    }
+    } while (least < nearest[NEAREST - 1]);
   }
 
   if (tile.y + gl_LocalInvocationID.x >= tile.z || (p.first_reference > 0 && begin >= segment_end)) return;

@@ -5,7 +5,7 @@
 // in  1 positions  f32[B·KEYS,8]   xyz of the source, xyz of the reference, 0 0
 // in  2 messages   f32[N·K,M]
 // in  3 d_messages f32[N·K,M]
-// in  4 turned     f32[16·IN4,N·K,4] features in the frames: common/pair_record.glsl; this and the next two in that order
+// in  4 turned     f32[16·IN4,N·K,4] features in the frames: common/pair_record.glsl; in the order of 0, as the next two
 // in  5 d_features f32[W,N·K,4]    their gradients, part by part
 // in  6 d_radial   f32[TABLES,N·K,4] gradients of the lengths
 // con 7 firsts     u32[8,4]        where a part begins in d_features[], by degree out and in; values, then keys

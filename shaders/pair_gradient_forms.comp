@@ -1,5 +1,6 @@
 // pair_gradient_forms.comp: the gradients of the quadratic forms of a radial table, summed over edges in their order: of
-// the second variance's, an invocation per sector; of the first one's, one more.
+// the second variance's, an invocation per sector; of the first one's, one more work group, each of its invocations every
+// so many edges.
 // in  0 begins   u32[TABLES,SECTORS+1] of a sector's edges in its table's list
 // in  1 lists    u32[TABLES,E]
 // in  2 factors  f32[TABLES+1,E,4]     of the columns; the lengths
@@ -7,7 +8,7 @@
 // con 4 heads    u32[TABLES,12]        common/pair_tables.glsl
 // con 5 tables   u32[TABLES,8]         first number in the result, sectors, numbers of a sector, columns; coefficients
 // mod 6 result   f32[R]                ops/constants.hpp
-// spec 0 WORKGROUP=32  1 SECTORS  2 TABLES | grid (ceil((SECTORS + 1) / WORKGROUP), TABLES) | shared 0 KiB
+// spec 0 WORKGROUP=32  1 SECTORS  2 TABLES | grid (ceil(SECTORS / WORKGROUP) + 1, TABLES) | shared 0.5 KiB
 // loops ≤ E < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
@@ -28,16 +29,20 @@ layout(set = 0, binding = 6) buffer Result { float result[]; };
 layout(push_constant) uniform Push { PairGradientParameters p; };
 
 const uint SWAPPED = 1u, DEGREE1 = 2u;
+const uint LANES = gl_WorkGroupSize.x;
+shared vec3 partial[LANES];
 
 void main() {
-  const uint number = gl_GlobalInvocationID.x, table = gl_WorkGroupID.y;
+  const uint lane = gl_LocalInvocationID.x, table = gl_WorkGroupID.y;
+  const bool first_form = gl_WorkGroupID.x == gl_NumWorkGroups.x - 1u;
   const uvec4 sizes = tables[2u * table], head = heads[3u * table];
-  const bool first_form = number == sizes.y, inside = number <= sizes.y && (head.w & DEGREE1) == 0u;
+  const uint number = gl_GlobalInvocationID.x, step = first_form ? LANES : 1u;
+  const bool inside = (first_form || number < sizes.y) && (head.w & DEGREE1) == 0u;
   const uint at = table * (SECTORS + 1u) + min(number, SECTORS - 1u);
-  const uint begin = first_form ? 0u : begins[at], end = !inside ? begin : first_form ? p.edges : begins[at + 1u];
+  const uint begin = first_form ? lane : begins[at], end = !inside ? begin : first_form ? p.edges : begins[at + 1u];
   float sum[6];
   [[unroll]] for (int i = 0; i < 6; ++i) sum[i] = 0.0;
-  for (uint i = begin; i < end; ++i) {
+  for (uint i = begin; i < end; i += step) {
     const uint edge = first_form ? i : lists[table * p.edges + i];
     const vec4 x = VEC4_OF(Factors, table * p.edges + edge);
     const vec2 lengths = VEC4_OF(Factors, TABLES * p.edges + edge).xy, d = VEC4_OF(D_radial, table * p.edges + edge).zw;
@@ -49,6 +54,13 @@ void main() {
     sum[3] += g * u.x;
     sum[4] += g * u.y;
     sum[5] += g;
+  }
+  partial[lane] = vec3(sum[0], sum[1], sum[2]);
+  barrier();
+  if (first_form && lane > 0u) return;
+  if (first_form) {
+    for (uint i = 1u; i < LANES; ++i)
+      [[unroll]] for (int k = 0; k < 3; ++k) sum[k] += partial[i][k];
   }
   const uint to = sizes.x + (first_form ? sizes.y * sizes.z : number * sizes.z + 4u * tables[2u * table + 1u].x);
   [[unroll]] for (int i = 0; i < 6; ++i)

@@ -1,6 +1,6 @@
 // pair_gradient_kernels.comp: the gradient of a part of a two-sided kernel (one degree in, one out) in the edges' frames:
-// of its radial coefficients, of the features it reads, and of the lengths; an invocation per edge, in their order, and part. A dispatch
-// takes parts alike: N1 and N2 components on the two sides, 3 from degree 1 to 1 and 1 otherwise.
+// of its radial coefficients, of the features it reads, and of the lengths; an invocation per edge, in their order, and
+// part. A dispatch takes parts alike: N1 and N2 components on the two sides, 3 from degree 1 to 1 and 1 otherwise.
 // in  0 turned   f32[16·IN4,E,4]  features in the frames: common/pair_record.glsl
 // in  1 d_turned f32[M,E]         gradients of the messages in the frames
 // in  2 factors  f32[TABLES+1,E,4] of the tables' columns; the lengths
@@ -127,10 +127,11 @@ bool linear[PER_PART];
 // What table t adds to the coefficients, and the gradient's products with its columns.
 void add_columns(const int t, uint shift, uint step) {
   const uint first = at[t] + shift;
-  waits = true;
-  for (uint i = 0; i < MOST_SECTORS && next_sector(first); ++i) {
+  first_sector(first);
+  do {
     const float here = first == sector ? 1.0 : 0.0;
-    for (int pair = 0; pair < (LINEAR && linear[t] ? 1 : 2); ++pair) {  // of columns
+    int pair = 0;  // of columns
+    do {
       const vec2 factor = here * (pair == 0 ? x[t].xy : x[t].zw);
       vec2 product = vec2(0);
       [[unroll]] for (int row = 0; row < 2 * N; row += ROWS_AT_ONCE) {
@@ -144,8 +145,8 @@ void add_columns(const int t, uint shift, uint step) {
           }
       }
       products[t] += here * (pair == 0 ? vec3(product, 0) : vec3(0, 0, product.x));
-    }
-  }
+    } while (++pair < (LINEAR && linear[t] ? 1 : 2));
+  } while (next_sector(first));
 }
 
 void main() {
@@ -171,7 +172,8 @@ void main() {
       feature[i] = VEC4_OF(Turned, ((places.x + COMPONENT(i / N2, i % N2)) * IN4 + c) * p.edges + edge);
       d_feature[i] = vec4(0);
     }
-    for (uint o = 0; o < channels; ++o) {
+    uint o = 0;
+    do {
       float d[N];
       [[unroll]] for (int i = 0; i < N; ++i)
         d[i] = d_turned[(places.y + o * dim + i / N2 * across + i % N2) * p.edges + edge];
@@ -200,7 +202,7 @@ void main() {
             d_feature[from] +=
                 side_sign(to / N2, from / N2) * side_sign(to % N2, from % N2) * d[to] * coefficient[f];
           }
-    }
+    } while (++o < channels);
     if (inside) {
       [[unroll]] for (int i = 0; i < N; ++i) d_features[(more.y + c * N + i) * p.edges + edge] = d_feature[i];
     }

@@ -90,8 +90,8 @@ void turn_features(uint row, uint quad) {
 }
 
 void add_columns(const int n, const int columns, uint at, vec4 x, uint step) {
-  waits = true;
-  for (uint i = 0; i < MOST_SECTORS && next_sector(at); ++i) {
+  first_sector(at);
+  do {
     const vec4 y = at == sector ? x : vec4(0);
     UNROLL for (int row = 0; row < n * columns; row += ROWS_AT_ONCE) {
       const LOADED loaded = load_rows(row, n * columns, step);
@@ -99,7 +99,7 @@ void add_columns(const int n, const int columns, uint at, vec4 x, uint step) {
         if (row + more < n * columns)
           coefficient[(row + more) % n] += y[(row + more) / n] * row_of(loaded, row, more, step);
     }
-  }
+  } while (next_sector(at));
 }
 
 // In the frames, from degree (p, q) to (P, Q), whose coefficients are made.
@@ -146,7 +146,8 @@ void send(const int P, const int Q, const int set, uint c, uint edge, bool insid
   const uint begin = set == 1 ? VALUES(to) : 0u;
   const uint channels = LINEAR ? (set == 1 ? KEYS(to) : VALUES(to)) : MESSAGES(to), step = IN4 * channels;
   FOR_DEGREES(from, find_sectors(from, to, set, c * channels));
-  for (uint o = 0; o < channels; ++o) {
+  uint o = 0;
+  do {
     [[unroll]] for (int a = 0; a < 3; ++a) message[a] = vec3(0);
     FOR_DEGREES(from, add_part(from, P, Q, columns, o, step));
     if (Q == 1) {
@@ -164,7 +165,7 @@ void send(const int P, const int Q, const int set, uint c, uint edge, bool insid
           messages[place] = IN4 > 1 && c > 0u ? messages[place] + message[a][b] : message[a][b];
         }
     }
-  }
+  } while (++o < channels);
 }
 
 void main() {

@@ -1,10 +1,6 @@
 // The columns of radial tables, which invocations of a subgroup read together where they can: one sector after the other,
-// ROWS_AT_ONCE vec4s at a time, which are handed round. Needs Sectors (common/texels.glsl).
-#ifdef SHUFFLE
-#define MOST_SECTORS 32u  // that a subgroup meets
-#else
-#define MOST_SECTORS 1u
-#endif
+// ROWS_AT_ONCE vec4s at a time, which are handed round. Needs Sectors (common/texels.glsl). Loops here end with their
+// condition: a processor goes once more through the body of one that begins with it.
 #ifdef TEXELS
 #define ROWS_AT_ONCE 8
 #define LOADED vec4  // one vec4 an invocation
@@ -14,7 +10,7 @@
 #endif
 
 uint sector;  // whose turn it is
-bool waits;
+bool waits;   // this invocation
 
 uint less_of(uint x, uint step) {
 #ifdef SHUFFLE
@@ -26,7 +22,13 @@ uint less_of(uint x, uint step) {
 
 uint subgroup_least(uint x) { return less_of(less_of(less_of(less_of(less_of(x, 1u), 2u), 4u), 8u), 16u); }
 
-// `at`: the sector of this invocation. False once all have had their turn.
+// `at`: the sector of this invocation.
+void first_sector(uint at) {
+  sector = subgroup_least(at);
+  waits = at != sector;
+}
+
+// False once all have had their turn.
 bool next_sector(uint at) {
   sector = subgroup_least(waits ? at : 0xffffffffu);
   waits = waits && at != sector;

@@ -421,7 +421,7 @@ class PairGradientKernel : public Kernel {
     dispatch(*form_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
               result},
-             {rounds(sectors_ + 1, work_group), tables, 1}, 50.0 * edges * tables);
+             {rounds(sectors_, work_group) + 1, tables, 1}, 50.0 * edges * tables);
 
     const RowTable& table = args.tables.pair_key;
     const auto tile_of = [&](std::uint32_t pair) {

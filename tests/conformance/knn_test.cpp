@@ -18,8 +18,8 @@ std::vector<double> random_points(Random& random, std::size_t count, int dim, in
   std::vector<double> points;
   for (std::size_t i = 0; i < count * dim; ++i) {
     // Multiples of 2⁻²⁰ are exact in float; a coarse lattice makes most distances tie.
-    const double x = random.uniform(-1, 1);
-    points.push_back(lattice ? std::round(x * lattice) / 8 : std::round(x * 0x1p20) * 0x1p-20);
+    const double x = lattice < 0 ? std::pow(random.uniform(-1, 1), 5) : random.uniform(-1, 1);
+    points.push_back(lattice > 0 ? std::round(x * lattice) / 8 : std::round(x * 0x1p20) * 0x1p-20);
   }
   return points;
 }
@@ -97,7 +97,7 @@ class KnnCase {
   cpu::ThreadPool one_{1}, two_{2}, three_{3};
 };
 
-// 0: generic points; 1: 27 places; 4: a 9³ lattice, where nearly every neighbour ties.
+// 0: generic points; 1: 27 places; 4: a 9³ lattice, where nearly every neighbour ties; −1: denser inside.
 constexpr int lattices[] = {0, 1, 4};
 
 TEST(Knn, SmallCloudsOfEverySize) {
@@ -152,10 +152,9 @@ TEST(Knn, SeventyThousandPoints) {
   }
 }
 
-// All points on one spot but one.
 TEST(Knn, EverySoMany) {
-  for (const int lattice : lattices) {
-    KnnCase({97, 150, 333, 260}, 8)
+  for (const int lattice : {0, 1, 4, -1}) {
+    KnnCase({97, 150, 333, 191, 192, 193, 1024, 260}, 8)
         .check_both({.k = 24, .dilation = 4, .dim = 3, .exclude_self = true}, Rows::point, Rows::point,
                     lattice);
     KnnCase({97, 150}, 8)
@@ -167,6 +166,8 @@ TEST(Knn, EverySoMany) {
                     lattice, 101);
   }
   // In parts.
+  KnnCase({40000, 200}, 8)
+      .check_both({.k = 24, .dilation = 4, .dim = 3, .exclude_self = false}, Rows::key, Rows::point, 0);
   KnnCase({40000, 200}, 8)
       .check_both({.k = 8, .dilation = 3, .dim = 3, .exclude_self = false}, Rows::key, Rows::point, 0);
 }
@@ -185,6 +186,7 @@ TEST(Knn, VulkanSaysHowManyItFinds) {
   }
 }
 
+// All points on one spot but one.
 TEST(Knn, PointsOnOneSpot) {
   OpTensor points{Rows::point, 1, 3, false, std::vector<double>(3 * 1000, 0.25), {}};
   points.values[3 * 500] = 7;
@@ -197,6 +199,12 @@ TEST(Knn, PointsOnOneSpot) {
             (std::vector<std::uint32_t>{1, 2, 3, 0, 2, 3}));
   EXPECT_EQ(std::vector<std::uint32_t>(index.begin() + 1500, index.begin() + 1506),
             (std::vector<std::uint32_t>{501, 502, 503, 502, 503, 504}));
+  if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
+  for (const ops::Knn& op : {ops::Knn{.k = 3}, ops::Knn{.k = 24, .dilation = 4}}) {
+    const OpTensor found{Rows::point, op.k, 1, true, {}, {}};
+    EXPECT_EQ(test::run_op_vulkan(op, layout, {points, points}, {found}).front().indices,
+              test::run_op<float>(op, layout, {points, points}, {found}, pool).front().indices);
+  }
 }
 
 }  // namespace
