@@ -33,9 +33,6 @@ Result<void> refine(const Device& device, std::span<const InputPair> pairs, cons
       Answer& answer = answers[rows[k]];
       answer.assembly.T_reference_source = (*refined)[k].T_reference_source;
       answer.refinement = std::move((*refined)[k]);
-      if (answer.refinement->improved)
-        measure_overlap(pairs[rows[k]].used(), answer.assembly.T_reference_source, device.pool(),
-                        answer.assembly.diagnostics);
     }
     return {};
   };
@@ -80,12 +77,11 @@ std::string value_text(double value) { return Json(std::round(value * 1e4) / 1e4
 
 }  // namespace
 
-CLI::Option* add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given) {
-  return app
-      .add_option(
-          "--answers", answers,
-          "Passes over random parts of the clouds, an even number: the network's pose is the mean of "
-          "all its answers, and how far they lie apart tells how sure it is; 0: one pass over the clouds")
+void add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given) {
+  app.add_option(
+         "--answers", answers,
+         "Passes over random parts of the clouds, an even number: the network's pose is the mean of "
+         "all its answers, and how far they lie apart tells how sure it is; 0: one pass over the clouds")
       ->type_name("N")
       ->default_str(unless_given);
 }
@@ -161,7 +157,7 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
   const std::vector<CloudPair> clouds = used(pairs);
   auto assemblies = assemble(plan, clouds,
                              {.complete_match = options.complete_match,
-                              .diagnostics = true,
+                              .diagnostics = false,  // of the last pose, below
                               .swap_residual = options.swap_residual});
   if (!assemblies) return tl::unexpected(assemblies.error());
   std::vector<std::optional<NetworkEvidence>> evidence(pairs.size());
@@ -174,23 +170,22 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
   std::vector<Answer> answers;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     Answer answer{std::move((*assemblies)[i])};
-    const bool failed = answer.assembly.status == Status::failed;
     if (evidence[i]) {
       answer.assembly.T_reference_source = evidence[i]->T_reference_source;
       answer.answers += options.answers;
     }
-    if (options.restriction.any() && !failed)
+    if (options.restriction.any() && answer.assembly.status != Status::failed)
       answer.restricted = restrict_assembly(options.restriction, centroid_of(pairs[i].source.cloud.positions),
                                             answer.assembly);
     if (evidence[i]) evidence[i]->T_reference_source = answer.assembly.T_reference_source;
-    if (evidence[i] || answer.restricted)
-      measure_overlap(clouds[i], answer.assembly.T_reference_source, plan.device().pool(),
-                      answer.assembly.diagnostics);
     answers.push_back(std::move(answer));
   }
   if (options.refine)
     if (const auto refined = refine(plan.device(), pairs, options, answers); !refined)
       return tl::unexpected(refined.error());
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    if (Assembly& assembly = answers[i].assembly; assembly.status != Status::failed)
+      measure_overlap(clouds[i], assembly.T_reference_source, plan.device().pool(), assembly.diagnostics);
   if (options.confidence)
     if (const auto judged = judge(plan.device(), clouds, evidence, answers); !judged)
       return tl::unexpected(judged.error());

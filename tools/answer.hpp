@@ -30,7 +30,7 @@ struct AnswerChoice {
 /// For parts of the clouds, unless told otherwise: as many as confidence was calibrated with.
 inline constexpr int usual_answers = ResampleOptions().answers;
 /// --answers, for any command.
-CLI::Option* add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given);
+void add_answers(CLI::App& app, std::optional<int>& answers, const std::string& unless_given);
 /// `invalid_argument` when resample() cannot be asked for so many; 0 is allowed.
 Result<void> check_answers(int answers);
 

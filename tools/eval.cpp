@@ -35,7 +35,8 @@ struct Options {
   std::uint64_t shapes = 10'000, samples = 0, seed = 0, batch = 8;
   double noise = 0.01;
   bool same_points = false, confidence = false;
-  std::optional<int> answers;
+  std::optional<int> asked_answers;
+  int answers() const { return asked_answers.value_or(usual_answers); }
   std::optional<double> keep;
   DeviceChoice device;
 };
@@ -114,7 +115,7 @@ Result<std::vector<Setting>> choose_settings(Options& options) {
 Result<void> check_options(const Options& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
     return wrong("--keep " + Json(*options.keep).dump() + ": is not above 0 and up to 1");
-  if (const auto checked = check_answers(options.answers.value_or(usual_answers)); !checked) return checked;
+  if (const auto checked = check_answers(options.answers()); !checked) return checked;
   for (const double share : options.shares)
     if (!(share > 0 && share <= 1))
       return wrong("--share " + Json(share).dump() + ": is not above 0 and up to 1");
@@ -233,7 +234,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
     for (const Follow follow : method.refined)
       result.methods.push_back({method.name + "+" + std::string(name(follow)), {}});
   }
-  const Estimation how{device, options.methods.mode, setting.keep, options.answers.value_or(usual_answers)};
+  const Estimation how{device, options.methods.mode, setting.keep, options.answers()};
   for (std::size_t first = 0; first < options.samples; first += options.batch) {
     const auto batch =
         draw(data, first, std::min<std::size_t>(options.batch, options.samples - first), device);
@@ -291,7 +292,7 @@ Json about(const Options& options, const std::vector<Method>& methods, const Dev
             {"same_points", options.same_points}};
   json.update({{"samples", options.samples},
                {"seed", options.seed},
-               {"answers", options.answers.value_or(usual_answers)},
+               {"answers", options.answers()},
                {"models", models},
                {"backend", name(device.backend())},
                {"device", device.name()}});
@@ -444,7 +445,7 @@ Command add_eval(CLI::App& root) {
       ->type_name("NAME,…");
   app->add_flag_callback(
       "--icp", [options] { add_once(options->methods.refined, Follow::icp); }, "The same as --refine icp");
-  add_answers(*app, options->answers, std::to_string(usual_answers));
+  add_answers(*app, options->asked_answers, std::to_string(usual_answers));
   app->add_flag("--confidence", options->confidence,
                 "Also judge every pose, and say how well that told right from wrong");
   app->add_option(

@@ -9,7 +9,6 @@
 #include "manifest.hpp"
 #include "pose_file.hpp"
 #include "refine/overlap.hpp"
-#include "restriction.hpp"
 
 namespace bitr::tool {
 namespace {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "core/select_rows.hpp"
 #include "data/choose.hpp"
 #include "generate/seeds.hpp"
 #include "generate/solid.hpp"
@@ -56,16 +57,6 @@ void compact(Mesh& mesh) {
   mesh.vertices = std::move(vertices);
 }
 
-PointCloud chosen(const PointCloud& cloud, std::span<const std::uint32_t> points) {
-  PointCloud part;
-  part.positions.reserve(points.size());
-  for (const std::uint32_t i : points) part.positions.push_back(cloud.positions[i]);
-  if (cloud.normals.empty()) return part;
-  part.normals.reserve(points.size());
-  for (const std::uint32_t i : points) part.normals.push_back(cloud.normals[i]);
-  return part;
-}
-
 }  // namespace
 
 Result<FileShape> FileShape::read(const std::filesystem::path& path, const Needs& needs) {
@@ -114,12 +105,12 @@ Result<GeneratedPair> FileShape::sample_twice(std::size_t count, bool same_point
   const bool enough = cloud_.size() / 2 >= count;
   std::vector<std::uint32_t> order =
       choose(cloud_.size(), enough && !same_points ? 2 * count : count, random);
-  pair.source = chosen(cloud_, std::span(order).first(count));
+  pair.source = select_rows(cloud_, std::span(order).first(count));
   if (same_points) {
     pair.reference = pair.source;
   } else {
     if (!enough) order = choose(cloud_.size(), count, random);
-    pair.reference = chosen(cloud_, std::span(order).subspan(enough ? count : 0, count));
+    pair.reference = select_rows(cloud_, std::span(order).subspan(enough ? count : 0, count));
   }
   return pair;
 }

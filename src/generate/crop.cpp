@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/select_rows.hpp"
 #include "generate/pairs.hpp"
 #include "generate/seeds.hpp"
 
@@ -45,15 +46,10 @@ Cut cut_to(const PointCloud& cloud, const Vector3d& direction, std::size_t count
 
 /// The points that the cut keeps, `most` at most, and of equally far ones the first.
 PointCloud kept(const PointCloud& cloud, const Cut& cut, std::size_t most) {
-  PointCloud part;
-  const bool normals = cloud.normals.size() == cloud.size(), colors = cloud.colors.size() == cloud.size();
-  for (std::size_t i = 0; i < cloud.size() && part.size() < most; ++i) {
-    if (cut.along(cloud.positions[i]) < cut.from) continue;
-    part.positions.push_back(cloud.positions[i]);
-    if (normals) part.normals.push_back(cloud.normals[i]);
-    if (colors) part.colors.push_back(cloud.colors[i]);
-  }
-  return part;
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < cloud.size() && rows.size() < most; ++i)
+    if (!(cut.along(cloud.positions[i]) < cut.from)) rows.push_back(i);
+  return select_rows(cloud, rows);
 }
 
 Vector3d random_direction(Random& random) {

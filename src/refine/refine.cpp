@@ -280,6 +280,14 @@ std::size_t points_of_pair(const CloudPair& pair) {
   return pair.source.positions.count + pair.reference.positions.count;
 }
 
+// Without a Vulkan device.
+Refinement refined_here(const CloudPair& pair, const Pose& start, const RefineOptions& options, Extent extent,
+                        const Workers& workers) {
+  Refiner refiner(pair, start, options, extent, workers);
+  drive(refiner, workers);
+  return refiner.result();
+}
+
 // Refines as many pairs on the device as it holds at once; returns the first of those that are left.
 std::size_t refine_together(const Device& device, std::span<const CloudPair> pairs,
                             std::span<const Pose> starts, const RefineOptions& options, std::size_t begin,
@@ -307,9 +315,7 @@ std::size_t refine_together(const Device& device, std::span<const CloudPair> pai
 }  // namespace
 
 double refine::overlap_at(const CloudPair& pair, const Pose& T_reference_source, const Workers& workers) {
-  Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
-  drive(refiner, workers);
-  return refiner.result().overlap_before;
+  return refined_here(pair, T_reference_source, {}, Extent::score, workers).overlap_before;
 }
 
 std::string_view name(RefineMethod method) { return method == RefineMethod::icp ? "icp" : "ot"; }
@@ -329,9 +335,7 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
       if (!is_finite(starts[i])) refuse(pair_name(i, pairs.size()) + "the start is not finite");
     std::vector<Refinement> results(pairs.size());
     const auto refine_here = [&](std::size_t i, const Workers& workers) {
-      Refiner refiner(pairs[i], starts[i], options, Extent::all, workers);
-      drive(refiner, workers);
-      results[i] = refiner.result();
+      results[i] = refined_here(pairs[i], starts[i], options, Extent::all, workers);
     };
     if (device.context()) {
       for (std::size_t begin = 0; begin < pairs.size();)
@@ -351,12 +355,11 @@ Result<double> refinement_score(const Device& device, const CloudPair& pair, con
     require_surfaces({&pair, 1});
     if (!is_finite(T_reference_source)) refuse("the pose is not finite");
     const Workers workers{&device.pool()};
+    if (!device.context() || points_of_pair(pair) > most_on_device)
+      return refined_here(pair, T_reference_source, {}, Extent::score, workers).score_before;
     Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
     Stepper* stepper = &refiner;
-    if (device.context() && points_of_pair(pair) <= most_on_device)
-      drive({&stepper, 1}, *device.context(), device.pool());
-    else
-      drive(refiner, workers);
+    drive({&stepper, 1}, *device.context(), device.pool());
     return refiner.result().score_before;
   });
 }

@@ -47,6 +47,9 @@ class Buffer {
   std::byte* mapped_ = nullptr;
 };
 
+/// What a shader's binding of that access is bound to.
+VkDescriptorType descriptor_type(Access access);
+
 struct Pipeline {
   const Shader* shader = nullptr;
   VkPipeline pipeline = VK_NULL_HANDLE;

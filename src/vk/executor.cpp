@@ -111,16 +111,15 @@ void Executor::load(graph::Graph graph) {
     kernels_.push_back(kernel_for(site, node.op));
   }
   find_inputs();
-  add_memory();
+  add_memory(differentiated);
 }
 
 TensorId Executor::add_tensor(const std::string& name) {
   return graph_.add({.name = name, .rows = Rows::pair, .fiber = {}});
 }
 
-void Executor::add_memory() {
+void Executor::add_memory(const std::vector<int>& differentiated) {
   memory_.assign(graph_.nodes.size(), {});
-  const std::vector<int> differentiated = gradients(graph_);
   std::map<std::pair<TensorId, std::string>, TensorId> lists;  // by index tensor and name
   for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
     graph::Node& node = graph_.nodes[n];

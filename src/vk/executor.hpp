@@ -84,7 +84,8 @@ class Executor {
     bool makes_kept = false, makes_lists = false;
   };
   void load(graph::Graph graph);
-  void add_memory();
+  // `differentiated`: of every node, its gradient or what it is the gradient of; −1: none.
+  void add_memory(const std::vector<int>& differentiated);
   graph::TensorId add_tensor(const std::string& name);
   void find_inputs();
   void check_capacity(const graph::BatchLayout& layout) const;

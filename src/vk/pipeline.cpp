@@ -8,12 +8,6 @@
 namespace bitr::vk {
 namespace {
 
-VkDescriptorType descriptor_type(Access access) {
-  return access == Access::constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
-         : access == Access::texels ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
-                                    : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-}
-
 // The driver's blob goes behind a header of ours: a driver trusts what it is given.
 struct CacheHeader {
   char magic[8] = {'b', 'i', 't', 'r', 'p', 'c', '0', '1'};
@@ -29,6 +23,12 @@ struct DriverHeader {
 };
 
 }  // namespace
+
+VkDescriptorType descriptor_type(Access access) {
+  return access == Access::constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
+         : access == Access::texels ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
+                                    : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+}
 
 const Pipeline& Context::pipeline(const Shader& shader,
                                   std::span<const std::uint32_t> specializations) const {

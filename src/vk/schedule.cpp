@@ -141,25 +141,23 @@ void Recorder::bind(const Schedule& schedule) {
     views.reserve(work.ranges.size());
     for (std::uint32_t i = 0; i < work.ranges.size(); ++i) {
       const Range& range = work.ranges[i];
-      const bool constant = work.pipeline->shader->bindings[i] == Access::constant;
+      const Access access = work.pipeline->shader->bindings[i];
       const Capabilities& c = context_.capabilities();
-      if (const std::uint64_t most = constant ? c.uniform_range : c.storage_range; range.size > most)
+      if (const std::uint64_t most = access == Access::constant ? c.uniform_range : c.storage_range;
+          range.size > most)
         throw Failure(ErrorCode::invalid_argument,
                       std::string(work.name()) + ": binding " + std::to_string(i) + " needs " +
                           std::to_string(range.size) + " bytes, " + c.name + " binds at most " +
                           std::to_string(most) + ": give it smaller clouds or fewer pairs at once");
-      const bool texel = work.pipeline->shader->bindings[i] == Access::texels;
       buffers.push_back({range.buffer, range.offset, range.size});
-      views.push_back(texel ? view(range) : VK_NULL_HANDLE);
+      views.push_back(access == Access::texels ? view(range) : VK_NULL_HANDLE);
       writes.push_back({.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET,
                         .pNext = nullptr,
                         .dstSet = sets_[w],
                         .dstBinding = i,
                         .dstArrayElement = 0,
                         .descriptorCount = 1,
-                        .descriptorType = constant ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
-                                          : texel  ? VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER
-                                                   : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                        .descriptorType = descriptor_type(access),
                         .pImageInfo = nullptr,
                         .pBufferInfo = &buffers.back(),
                         .pTexelBufferView = &views.back()});

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/select_rows.hpp"
 #include "support/random_motion.hpp"
 
 namespace bitr {
@@ -232,12 +233,7 @@ PointCloud permuted(const PointCloud& cloud, Random& random) {
     rows[i] = i;
     std::swap(rows[i], rows[random.below(i + 1)]);
   }
-  PointCloud result;
-  for (const std::size_t row : rows) {
-    result.positions.push_back(cloud.positions[row]);
-    result.normals.push_back(cloud.normals[row]);
-  }
-  return result;
+  return select_rows(cloud, rows);
 }
 
 double turned(const Pose& a, const Pose& b) { return rotation_error_degrees(a, b); }

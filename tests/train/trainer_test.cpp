@@ -59,36 +59,32 @@ TEST(Flat, RowByRowAndBack) {
   EXPECT_EQ(code_of([&] { add_gradients(weights, gradients, 1, sum); }), ErrorCode::internal);
 }
 
-TEST(Trainer, KeyLogitsAreScaledAtTheStart) {
+/// Names of the parameters that `scale` changes at the start, each by that factor and nothing else.
+std::vector<std::string> scaled_by(double TrainOptions::*scale, double factor) {
   TrainOptions options = small_options();
-  options.key_logit_scale = 6;
+  options.*scale = factor;
   const model::Weights scaled = starting_weights(options);
-  options.key_logit_scale = 1;
+  options.*scale = 1;
   const model::Weights plain = starting_weights(options);
-  int differing = 0;
+  std::vector<std::string> names;
   for (const auto& [name, matrix] : plain.parameters) {
     if (matrix == scaled.parameters.at(name)) continue;
-    ++differing;
-    EXPECT_EQ(name, "feature_extract.key_layer.key_regress.project.1.transform.(0, 0)");
-    EXPECT_EQ(Eigen::MatrixXd(6 * matrix), scaled.parameters.at(name));
+    names.push_back(name);
+    EXPECT_EQ(Eigen::MatrixXd(factor * matrix), scaled.parameters.at(name)) << name;
   }
-  EXPECT_EQ(differing, 1);
+  return names;
+}
+
+TEST(Trainer, KeyLogitsAreScaledAtTheStart) {
+  EXPECT_THAT(scaled_by(&TrainOptions::key_logit_scale, 6),
+              testing::ElementsAre("feature_extract.key_layer.key_regress.project.1.transform.(0, 0)"));
 }
 
 TEST(Trainer, ExtractorsProjectionsAreScaledAtTheStart) {
-  TrainOptions options = small_options();
-  options.feature_scale = 0.25;
-  const model::Weights scaled = starting_weights(options);
-  options.feature_scale = 1;
-  const model::Weights plain = starting_weights(options);
-  int differing = 0;
-  for (const auto& [name, matrix] : plain.parameters) {
-    if (matrix == scaled.parameters.at(name)) continue;
-    ++differing;
-    EXPECT_TRUE(name.starts_with("feature_extract.Gblock.")) << name;
-    EXPECT_EQ(Eigen::MatrixXd(0.25 * matrix), scaled.parameters.at(name)) << name;
-  }
-  EXPECT_EQ(differing, 2 * (options.model.feature_num_layers + 1));  // of degrees 0 and 1
+  const auto names = scaled_by(&TrainOptions::feature_scale, 0.25);
+  EXPECT_THAT(names, testing::Each(testing::StartsWith("feature_extract.Gblock.")));
+  // Of degrees 0 and 1.
+  EXPECT_THAT(names, testing::SizeIs(2 * (small_options().model.feature_num_layers + 1)));
 }
 
 // A seed that learnt nothing at the official scale.
@@ -103,7 +99,6 @@ TEST(Trainer, GradientsAtTheStartAreTame) {
     DataPart part;
     part.kind = "aircraft";
     options.data.parts = {part};
-    Made made = make(options);
     const DataSet data = open_data(options, Split::train, options.data.parts, 0, seed);
     const model::Weights weights = starting_weights(options);
     Trainer trainer(options, weights, make_differentiator(device, weights), data, 1);
