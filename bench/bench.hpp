@@ -28,6 +28,7 @@ void register_ceilings(const Run& run);
 void register_dispatches(const Run& run);
 void register_nodes(const Run& run);
 void register_model(const Run& run);
+void register_training(const Run& run);
 
 /// Generated fragments, the same for every run.
 std::vector<GeneratedPair> make_pairs(Size size);

@@ -1,4 +1,4 @@
-// bitr_bench: every operation alone and the whole network, on the CPU and on a Vulkan device.
+// bitr_bench: every operation alone, the whole network and training steps, on the CPU and on a Vulkan device.
 //   BITR_DEVICE  index or part of the name of the Vulkan device (default: the best; without any, the CPU
 //   alone)
 //   --counters   on Vulkan only: what does not depend on time, for bench/compare.py --counters
@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   bench::register_dispatches(run);
   bench::register_nodes(run);
   bench::register_model(run);
+  bench::register_training(run);
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
 }
