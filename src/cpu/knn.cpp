@@ -1,12 +1,10 @@
 // Compiled without contraction into fused multiply-adds, so that brute force and the tree see the same bits
 // and ties are ties in both.
 #include <algorithm>
-#include <bit>
 #include <limits>
 #include <nanoflann.hpp>
-#include <numeric>
 
-#include "cpu/kernel.hpp"
+#include "cpu/nearest_set.hpp"
 
 namespace bitr::cpu {
 namespace {
@@ -14,40 +12,6 @@ namespace {
 // Above this many references per cloud a k-d tree beats brute force (measured; docs/performance.md).
 constexpr std::size_t brute_force_limit = 200;
 constexpr std::size_t leaf_points = 20;
-
-template <class T>
-struct Candidate {
-  T distance;
-  std::uint32_t index;
-  bool operator<(const Candidate& other) const {
-    return distance < other.distance || (distance == other.distance && index < other.index);
-  }
-};
-
-// The same order in one integer: the bits of non-negative floats sort like their values.
-template <>
-struct Candidate<float> {
-  std::uint64_t key;
-  Candidate() = default;
-  Candidate(float distance, std::uint32_t index)
-      : key(std::uint64_t{std::bit_cast<std::uint32_t>(distance)} << 32 | index) {}
-  bool operator<(const Candidate& other) const { return key < other.key; }
-};
-
-template <class T>
-std::uint32_t index_of(const Candidate<T>& candidate) {
-  if constexpr (std::is_same_v<T, float>)
-    return static_cast<std::uint32_t>(candidate.key);
-  else
-    return candidate.index;
-}
-template <class T>
-T distance_of(const Candidate<T>& candidate) {
-  if constexpr (std::is_same_v<T, float>)
-    return std::bit_cast<float>(static_cast<std::uint32_t>(candidate.key >> 32));
-  else
-    return candidate.distance;
-}
 
 // Fewer than k are found only when distances are not finite. Any valid row will do then: the numbers that
 // made them reach the pose and mark it as failed.
@@ -98,9 +62,7 @@ class BruteForce {
     }
     found_.clear();
     for (std::size_t i = 0; i < count; ++i) found_.emplace_back(Candidate<T>{distance_[near_[i]], near_[i]});
-    if (count > 2 * static_cast<std::size_t>(k_))
-      std::nth_element(found_.begin(), found_.begin() + k_, found_.end());
-    std::sort(found_.begin(), found_.begin() + std::min<std::size_t>(count, 2 * k_));
+    sort_(found_, limit);
     write_nearest(found_, op_, base, out);
   }
 
@@ -142,6 +104,7 @@ class BruteForce {
   std::vector<T> distance_, minima_;
   std::vector<std::uint32_t> near_;
   std::vector<Candidate<T>> found_;
+  CandidateSort<T> sort_;
 };
 
 // nanoflann's view of the points.
@@ -181,44 +144,6 @@ struct SquaredDistance {
 template <class T>
 using Tree = nanoflann::KDTreeSingleIndexAdaptor<SquaredDistance<T>, PointRows<T>, 3, std::uint32_t>;
 
-// Keeps the k least (distance, index). The reported worst distance is widened so that the tree's rounded
-// bounds never prune a tie.
-template <class T>
-class NearestSet {
- public:
-  using DistanceType = T;
-  NearestSet(int k, std::uint32_t self) : k_(k), self_(self) { found_.reserve(k + 1); }
-  std::size_t size() const { return found_.size(); }
-  bool full() const { return found_.size() == static_cast<std::size_t>(k_); }
-  bool addPoint(T distance, std::uint32_t index) {
-    if (index == self_) return true;
-    const Candidate<T> candidate{distance, index};
-    if (!full())
-      found_.push_back(candidate);
-    else if (!(candidate < found_.back()))
-      return true;
-    std::size_t i = found_.size() - 1;
-    for (; i > 0 && candidate < found_[i - 1]; --i) found_[i] = found_[i - 1];
-    found_[i] = candidate;
-    return true;
-  }
-  T worstDist() const {
-    if (!full()) return std::numeric_limits<T>::max();
-    return distance_of<T>(found_.back()) * (1 + 16 * std::numeric_limits<T>::epsilon()) +
-           std::numeric_limits<T>::min();
-  }
-  const std::vector<Candidate<T>>& found() const { return found_; }
-  void reset(std::uint32_t self) {
-    found_.clear();
-    self_ = self;
-  }
-
- private:
-  int k_;
-  std::uint32_t self_;
-  std::vector<Candidate<T>> found_;
-};
-
 template <class T>
 class KnnKernel : public Kernel<T> {
  public:
@@ -239,33 +164,42 @@ class KnnKernel : public Kernel<T> {
  private:
   void search(ThreadPool& pool, const T* queries, std::size_t query_count, const T* references,
               std::size_t count, std::uint32_t base, std::uint32_t* out) const {
-    constexpr std::size_t none = std::numeric_limits<std::uint32_t>::max();
-    const auto self = [&](std::size_t q) { return op_.exclude_self ? q : none; };
-    if (!wants_tree(query_count, count)) {
-      const Coordinates<T> points(references, count, op_.dim);
-      pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64),
-                        [&](std::size_t q0, std::size_t q1) {
-                          BruteForce<T> search(points, op_);
-                          for (std::size_t q = q0; q < q1; ++q)
-                            search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
-                        });
-      return;
-    }
+    if (wants_tree(query_count, count))
+      return search_tree(pool, queries, query_count, references, count, base, out);
+    const Coordinates<T> points(references, count, op_.dim);
+    pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 8, 1, 64),
+                      [&](std::size_t q0, std::size_t q1) {
+                        BruteForce<T> search(points, op_);
+                        for (std::size_t q = q0; q < q1; ++q)
+                          search.search(queries + q * op_.dim, self(q), base, out + q * op_.k);
+                      });
+  }
+  void search_tree(ThreadPool& pool, const T* queries, std::size_t query_count, const T* references,
+                   std::size_t count, std::uint32_t base, std::uint32_t* out) const {
     const PointRows<T> rows{references, count};
     const Tree<T> tree(3, rows, {leaf_points});
     // A cloud that searches itself does so in the order of the tree's leaves: near queries visit the same
-    // nodes.
+    // nodes, and bound each other.
     const bool leaf_order = op_.exclude_self;
+    const auto k = static_cast<std::size_t>(op_.k * op_.dilation);
     pool.parallel_for(query_count, std::clamp<std::size_t>(query_count / 16, 16, 512),
                       [&](std::size_t first, std::size_t last) {
-                        NearestSet<T> nearest(op_.k * op_.dilation, 0);
+                        NearestSet<T> nearest(k);
+                        RecentQueries<T> recent;
                         for (std::size_t i = first; i < last; ++i) {
                           const std::size_t q = leaf_order ? tree.vAcc[i] : i;
-                          nearest.reset(static_cast<std::uint32_t>(self(q)));
-                          tree.findNeighbors(nearest, queries + 3 * q, {});
-                          write_nearest(nearest.found(), op_, base, out + q * op_.k);
+                          const T* query = queries + 3 * q;
+                          nearest.reset(static_cast<std::uint32_t>(self(q)), recent.bound(query));
+                          tree.findNeighbors(nearest, query, {});
+                          const std::vector<Candidate<T>>& found = nearest.finish();
+                          write_nearest(found, op_, base, out + q * op_.k);
+                          if (nearest.full()) recent.add(query, distance_of<T>(found[k - 1]));
                         }
                       });
+  }
+  // The reference that a query is itself.
+  std::size_t self(std::size_t query) const {
+    return op_.exclude_self ? query : std::numeric_limits<std::uint32_t>::max();
   }
   bool wants_tree(std::size_t queries, std::size_t references) const {
     if (op_.dim != 3) return false;

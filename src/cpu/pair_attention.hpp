@@ -153,17 +153,18 @@ class PairRow {
       frame_[s].set(d[s], length_[s]);
     }
     std::fill(edges_.begin(), edges_.end(), T{0});
-    for (int j = 0; j < k_; ++j) {
-      T* edge = edges_.data() + static_cast<std::size_t>(j) * coefficient_.size();
-      for (const Sectors<T>& table : p_.tables) table.add(length_[0][j], length_[1][j], edge);
+    // Table by table: together they do not fit a cache.
+    for (const Sectors<T>& table : p_.tables)
+      for (int j = 0; j < k_; ++j) table.add(length_[0][j], length_[1][j], edge(j));
+    for (int j = 0; j < k_; ++j)
       for (int s = 0; s < 2; ++s)
         if (const T norm = length_[s][j] / static_cast<T>(ops::direction_eps); norm < 1)
-          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge);
-    }
+          for (const auto& block : p_.op.blocks) shorten_direction(block, s == 0, norm, edge(j));
     for (std::size_t c = 0; c < coefficient_.size(); ++c)
-      for (int j = 0; j < k_; ++j)
-        coefficient_[c][j] = edges_[static_cast<std::size_t>(j) * coefficient_.size() + c];
+      for (int j = 0; j < k_; ++j) coefficient_[c][j] = edge(j)[c];
   }
+
+  T* edge(int j) { return edges_.data() + static_cast<std::size_t>(j) * coefficient_.size(); }
 
   void attend(const T* own) {
     const auto& op = p_.op;

@@ -219,21 +219,18 @@ class PairGradientRow : private PairRow<T, Width> {
   void coefficients(const RowGradients<T>& to) {
     const std::size_t count = d_coefficient_.size();
     for (std::size_t c = 0; c < count; ++c)
-      for (int j = 0; j < this->k_; ++j)
-        this->edges_[static_cast<std::size_t>(j) * count + c] = d_coefficient_[c][j];
-    for (Edges& d : d_length_) d.setZero();
-    for (int j = 0; j < this->k_; ++j) {
-      T* edge = this->edges_.data() + static_cast<std::size_t>(j) * count;
-      const T length[2] = {this->length_[0][j], this->length_[1][j]};
+      for (int j = 0; j < this->k_; ++j) this->edge(j)[c] = d_coefficient_[c][j];
+    const Edges* length = this->length_;
+    for (int j = 0; j < this->k_; ++j)
       for (int s = 0; s < 2; ++s)
-        if (const T norm = length[s] / static_cast<T>(ops::direction_eps); norm < 1)
-          for (const auto& block : p_.op.blocks) shorten_direction_gradient(block, s == 0, norm, edge);
-      T d_length[2] = {};
-      for (std::size_t t = 0; t < p_.tables.size(); ++t)
-        p_.tables[t].add_gradient(length[0], length[1], edge, to.constants + places_.tables[t], d_length[0],
-                                  d_length[1]);
-      for (int s = 0; s < 2; ++s) d_length_[s][j] = d_length[s];
-    }
+        if (const T norm = length[s][j] / static_cast<T>(ops::direction_eps); norm < 1)
+          for (const auto& block : p_.op.blocks)
+            shorten_direction_gradient(block, s == 0, norm, this->edge(j));
+    for (Edges& d : d_length_) d.setZero();
+    for (std::size_t t = 0; t < p_.tables.size(); ++t)
+      for (int j = 0; j < this->k_; ++j)
+        p_.tables[t].add_gradient(length[0][j], length[1][j], this->edge(j), to.constants + places_.tables[t],
+                                  d_length_[0][j], d_length_[1][j]);
   }
 
   // An edge's vector turns its frame and changes its lengths.

@@ -186,6 +186,43 @@ TEST(Knn, VulkanSaysHowManyItFinds) {
   }
 }
 
+// Points of any kind, on the CPU, by the tree: also where squares are denormal, and many on one spot, which
+// bounds the search around the others by no more than the distance to it.
+template <class T>
+void check_tree(double scale, int power, std::size_t on_one_spot) {
+  SCOPED_TRACE(testing::Message() << sizeof(T) << " bytes, scale " << scale << ", power " << power);
+  const BatchLayout layout(std::vector<std::uint32_t>{600, 600}, 4);
+  Random random(5);
+  OpTensor points{Rows::point, 1, 3, false, {}, {}};
+  for (std::size_t i = 0; i < 3 * 1200; ++i) {
+    const double x = scale * std::pow(random.uniform(-1, 1), power);
+    points.values.push_back(i >= 3 && i < 3 * on_one_spot ? points.values[i % 3]
+                                                          : static_cast<double>(static_cast<T>(x)));
+  }
+  const std::vector<T> rows(points.values.begin(), points.values.end());
+  cpu::ThreadPool pool(2);
+  for (const int k : {1, 24, 90}) {
+    const ops::Knn op{.k = k, .search = NeighborSearch::tree};
+    const OpTensor out{Rows::point, k, 1, true, {}, {}};
+    const auto found = test::run_op<T>(op, layout, {points, points}, {out}, pool).front().indices;
+    for (std::size_t row = 0; row < 1200; ++row) {
+      const std::size_t begin = row / 600 * 600;
+      const auto expected = test::nearest_rows(&rows[3 * row], rows.data(), begin, begin + 600, row, k, 3);
+      ASSERT_EQ(std::vector<std::uint32_t>(found.begin() + row * k, found.begin() + (row + 1) * k), expected)
+          << "query " << row << ", k " << k;
+    }
+  }
+}
+
+TEST(Knn, AnyScaleByTheTree) {
+  for (const double scale : {1e-20, 1e-18, 1e-15, 1., 1e18})
+    for (const int power : {1, 9})
+      for (const std::size_t on_one_spot : {0, 300}) {
+        check_tree<float>(scale, power, on_one_spot);
+        check_tree<double>(scale, power, on_one_spot);
+      }
+}
+
 // All points on one spot but one.
 TEST(Knn, PointsOnOneSpot) {
   OpTensor points{Rows::point, 1, 3, false, std::vector<double>(3 * 1000, 0.25), {}};
