@@ -16,14 +16,19 @@ def near_truth(row):
 
 
 def terms(row, kind):
-    network = [("spread", math.log1p(float(row["spread"]))), ("gap", float(row["rotation_gap"]))] if kind != "fit" else []
     turn = [("turn", math.log1p(float(row["refined_by"])))] if kind == "refined" else []
+    network = [
+        ("rotation_spread", math.log1p(float(row["rotation_spread"]))),
+        *turn,
+        ("translation_spread", math.log1p(100 * float(row["translation_spread"]))),
+        ("gap", float(row["rotation_gap"])),
+    ] if kind != "fit" else []
     fit = [(name, float(row[column])) for name, column in (("score", "score"), ("overlap", "fit_overlap"), ("rims", "rims"))]
-    return network + fit + turn
+    return network + fit
 
 
 def kind_of(row):
-    if not row["spread"]:
+    if not row["rotation_spread"]:
         return "fit"
     return "refined" if row["refined_by"] else "network"
 

@@ -58,7 +58,7 @@ Result<void> judge(const Device& device, std::span<const CloudPair> clouds,
   if (!judged) return tl::unexpected(judged.error());
   for (std::size_t i = 0; i < answers.size(); ++i) {
     Confidence& confidence = (*judged)[i];
-    // Of complete matching and of a restriction: a network's own is found out by its evidence.
+    // Of complete matching, of a restriction, and of a network that is sure of parts of the clouds only.
     if (answers[i].assembly.status == Status::degenerate && confidence.value > 0) {
       confidence.value = 0;
       confidence.reasons.insert(confidence.reasons.begin(), answers[i].assembly.diagnostics.reason);
@@ -219,7 +219,8 @@ Json to_json(const Confidence& confidence) {
             {"rims", optional_json(e.rims)},
             {"interpenetration", e.interpenetration},
             {"rotation_gap", optional_json(e.rotation_gap)},
-            {"spread", optional_json(e.spread)},
+            {"rotation_spread", optional_json(e.rotation_spread)},
+            {"translation_spread", optional_json(e.translation_spread)},
             {"refined_by", optional_json(e.refined_by)}}}};
 }
 

@@ -221,7 +221,10 @@ Json to_json(const EvalReport& report) {
 std::string to_csv(const EvalReport& report) {
   const bool judged = !pooled_confidence(report).empty();
   std::string csv = "shape,protocol,share,overlap,dr,dt,dt_fraction,method,points,sample,failed";
-  if (judged) csv += ",confidence,score,fit_overlap,interpenetration,rims,rotation_gap,spread,refined_by";
+  if (judged)
+    csv +=
+        ",confidence,score,fit_overlap,interpenetration,rims,rotation_gap,rotation_spread,translation_spread,"
+        "refined_by";
   csv += '\n';
   const auto optional = [](const std::optional<double>& value) { return value ? text_of(*value) : ""; };
   for (const EvalSetting& setting : report.settings)
@@ -237,7 +240,8 @@ std::string to_csv(const EvalReport& report) {
           const Evidence& why = pair.confidence->evidence;
           for (const double value : {pair.confidence->value, why.score, why.overlap, why.interpenetration})
             csv += ',' + text_of(value);
-          for (const auto& value : {why.rims, why.rotation_gap, why.spread, why.refined_by})
+          for (const auto& value :
+               {why.rims, why.rotation_gap, why.rotation_spread, why.translation_spread, why.refined_by})
             csv += ',' + optional(value);
         }
         csv += '\n';

@@ -14,14 +14,19 @@
 
 namespace bitr {
 
-/// What a network says of the clouds and of random parts of them, taken together.
+/// What a network says of the clouds and of random parts of them, taken together. A failed answer for a part
+/// counts as a gap of 0 and half a turn, and has no place.
 struct NetworkEvidence {
   /// Mean of its answers: nearer the truth than the answer for the clouds as they are (docs/confidence.md).
   /// Rotations count by their gaps; the translation brings the clouds' centroids where the answers do on
   /// average, in both directions alike. So it turns with the clouds, and swapping them inverts it.
   Pose T_reference_source;
-  double rotation_gap = 0;  ///< of the answer for the clouds as they are: see Diagnostics
-  double spread = 0;        ///< median angle in degrees between that answer and those for the parts
+  double rotation_gap = 0;     ///< mean of the answers': see Diagnostics
+  double rotation_spread = 0;  ///< median angle in degrees between the answers and their mean
+  /// How far from where the mean brings the clouds' centroids the answers bring them: root mean square over
+  /// answers and both directions, as a share of the clouds' radius, √ of the sum of both clouds' mean squared
+  /// distances from their centroids.
+  double translation_spread = 0;
 };
 
 struct ResampleOptions {
@@ -53,7 +58,8 @@ struct Evidence {
   /// Share of the points that lie under the other cloud's surface, 0.6 τ in or more and right below its
   /// nearest point; 0 where the clouds have no oriented normals. Does not count for the value.
   double interpenetration = 0;
-  std::optional<double> rotation_gap, spread;  ///< as in NetworkEvidence; empty without
+  /// As in NetworkEvidence; empty without.
+  std::optional<double> rotation_gap, rotation_spread, translation_spread;
   std::optional<double> refined_by;  ///< angle in degrees between the network's answer and the pose, where
                                      ///< they differ
 };
@@ -61,7 +67,7 @@ struct Evidence {
 struct Confidence {
   /// Estimated probability of near_truth (evaluate.hpp): that the rotation is within 20° of the truth and the
   /// object's centre within a tenth of the joined object's diagonal of its place, near enough for refinement
-  /// to bring it home. 0 where a network's rotation is not determined (Status::degenerate).
+  /// to bring it home. 0 where a network's rotation is not determined: a rotation_gap below 1e-3.
   double value = 0;
   /// What lowers it, most important first, for people; empty when nothing does.
   std::vector<std::string> reasons;

@@ -17,29 +17,31 @@ struct Term {
 
 struct Calibration {
   double bias = 0;
-  Term spread = {}, gap = {};  ///< spread and turn as log(1 + degrees)
-  Term score = {}, overlap = {}, rims = {};
-  Term turn = {};
+  Term rotation_spread = {}, turn = {};  ///< log(1 + degrees)
+  Term translation_spread = {};          ///< log(1 + percent)
+  Term gap = {}, score = {}, overlap = {}, rims = {};
 };
 
 // 3330 poses, 2473 of them right
 constexpr Calibration of_network = {
-    .bias = 1.26,
-    .spread = {-1.11, 2.13},
-    .gap = {1.46, 1.71},
-    .score = {4.81, 0.0906},
-    .overlap = {-3.6, 0.173},
-    .rims = {2.02, 0.357},
+    .bias = -0.0421,
+    .rotation_spread = {-0.956, 1.77},
+    .translation_spread = {-0.491, 2.01},
+    .gap = {2.66, 1.73},
+    .score = {3.79, 0.0906},
+    .overlap = {-2.54, 0.173},
+    .rims = {1.25, 0.357},
 };
 // 870 poses, 629 of them right
 constexpr Calibration of_refined = {
-    .bias = 2.27,
-    .spread = {-0.553, 2.19},
-    .gap = {0.597, 1.65},
-    .score = {9.74, 0.363},
-    .overlap = {-4.66, 0.521},
-    .rims = {2.16, 0.688},
-    .turn = {-1.05, 2.28},
+    .bias = 1.95,
+    .rotation_spread = {-0.601, 1.81},
+    .turn = {-1.01, 2.28},
+    .translation_spread = {-0.221, 1.8},
+    .gap = {0.823, 1.66},
+    .score = {9.89, 0.363},
+    .overlap = {-4.26, 0.521},
+    .rims = {2.12, 0.688},
 };
 // 2200 poses, 915 of them right
 constexpr Calibration of_fit = {
@@ -62,16 +64,21 @@ std::string text(const char* format, Values... values) {
 }  // namespace
 
 Confidence judged(const Evidence& evidence) {
-  const Calibration& c = !evidence.spread ? of_fit : evidence.refined_by ? of_refined : of_network;
+  const Calibration& c = !evidence.rotation_spread ? of_fit : evidence.refined_by ? of_refined : of_network;
   double log_odds = c.bias;
   std::vector<std::pair<double, std::string>> effects;
   const auto add = [&](const Term& term, double value) {
     log_odds += term.weight * value;
     return term.weight * (value - term.usual);
   };
-  if (evidence.spread)
-    effects.emplace_back(add(c.spread, std::log1p(*evidence.spread)),
-                         text("answers on parts of the clouds differ by %.0f°", *evidence.spread));
+  if (evidence.rotation_spread)
+    effects.emplace_back(add(c.rotation_spread, std::log1p(*evidence.rotation_spread)),
+                         text("answers on parts of the clouds differ by %.0f°", *evidence.rotation_spread));
+  if (evidence.translation_spread)
+    effects.emplace_back(
+        add(c.translation_spread, std::log1p(100 * *evidence.translation_spread)),
+        text("answers on parts of the clouds place them differently: by %.0f %% of their radius",
+             100 * *evidence.translation_spread));
   if (evidence.rotation_gap)
     effects.emplace_back(add(c.gap, *evidence.rotation_gap),
                          text("the network's rotation is vague: gap %.2f in 0 … 2", *evidence.rotation_gap));

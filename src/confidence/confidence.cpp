@@ -32,7 +32,8 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
       if (!network.empty() && network[i]) {
         const NetworkEvidence& answer = *network[i];
         evidence.rotation_gap = answer.rotation_gap;
-        evidence.spread = answer.spread;
+        evidence.rotation_spread = answer.rotation_spread;
+        evidence.translation_spread = answer.translation_spread;
         if (answer.T_reference_source.matrix() != poses[i].matrix())
           evidence.refined_by = rotation_error_degrees(poses[i], answer.T_reference_source);
       }

@@ -6,10 +6,9 @@
 
 #include "api/guarded.hpp"
 #include "api/plan.hpp"
-#include "confidence/mean_pose.hpp"
+#include "confidence/answers.hpp"
 #include "core/centroid.hpp"
 #include "core/failure.hpp"
-#include "core/median.hpp"
 #include "core/select_rows.hpp"
 
 namespace bitr {
@@ -58,8 +57,7 @@ struct Parted {
   std::size_t pair = 0;
   PointCloud source, reference;
   std::size_t source_points = 0, reference_points = 0;  ///< of its parts
-  confidence::MeanPose mean;
-  std::vector<double> angles = {};
+  confidence::Answers answers;
 };
 
 }  // namespace
@@ -83,7 +81,8 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
                  reference = part_size(pairs[i].reference, plan.model(), options);
       if (assemblies[i].status == Status::failed || !source || !reference) continue;
       parted.push_back({i, ordered(pairs[i].source), ordered(pairs[i].reference), *source, *reference,
-                        confidence::MeanPose(pairs[i], assemblies[i])});
+                        confidence::Answers(pairs[i])});
+      parted.back().answers.add(assemblies[i]);
     }
     for (int answer = 0; answer < options.answers; ++answer) {
       // By two seeds: points that are in both clouds must not stay partners. The next answer exchanges them,
@@ -98,19 +97,10 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
       std::vector<CloudPair> part_pairs;
       for (std::size_t i = 0; i < parted.size(); ++i) part_pairs.push_back({parts[2 * i], parts[2 * i + 1]});
       const auto answers = value_or_throw(assemble(plan, part_pairs, {.diagnostics = false}));
-      for (std::size_t i = 0; i < parted.size(); ++i) {
-        const bool failed = answers[i].status == Status::failed;
-        parted[i].angles.push_back(
-            failed ? 180
-                   : rotation_error_degrees(answers[i].T_reference_source,
-                                            assemblies[parted[i].pair].T_reference_source));
-        if (!failed) parted[i].mean.add(answers[i]);
-      }
+      for (std::size_t i = 0; i < parted.size(); ++i) parted[i].answers.add(answers[i]);
     }
     Found found(pairs.size());
-    for (Parted& of : parted)
-      found[of.pair] = {of.mean.pose(), assemblies[of.pair].diagnostics.rotation_gap,
-                        median(std::move(of.angles))};
+    for (const Parted& of : parted) found[of.pair] = of.answers.together();
     told = kept;
     return found;
   });

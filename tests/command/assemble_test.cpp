@@ -263,11 +263,11 @@ TEST_F(Assemble, SaysHowFarThePoseCanBeTrusted) {
   const auto confidence = read_json(first)["confidence"];
   EXPECT_GT(confidence["value"], 0.5);
   EXPECT_LE(confidence["value"], 1);
-  EXPECT_GT(confidence["evidence"]["spread"], 0);
+  EXPECT_GT(confidence["evidence"]["rotation_spread"], 0);
   EXPECT_TRUE(confidence["evidence"]["refined_by"].is_null());
   ASSERT_EQ(run(pair, {"--backend", "cpu", "--threads", "1", "--refine", "--json", again}).status, 0);
   const auto refined = read_json(again);
-  EXPECT_EQ(refined["confidence"]["evidence"]["spread"], confidence["evidence"]["spread"]);
+  EXPECT_EQ(refined["confidence"]["evidence"]["rotation_spread"], confidence["evidence"]["rotation_spread"]);
   EXPECT_NEAR(refined["confidence"]["evidence"]["score"], refined["refinement"]["score_after"], 1e-9);
   ASSERT_EQ(run(pair, {"--backend", "cpu", "--no-confidence", "--json", again}).status, 0);
   EXPECT_TRUE(read_json(again)["confidence"].is_null());

@@ -7,7 +7,9 @@
 #include <bitr/generate.hpp>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
+#include "confidence/answers.hpp"
 #include "core/select_rows.hpp"
 #include "support/random_motion.hpp"
 
@@ -80,7 +82,8 @@ TEST(Evidence, OfACopyIsPerfect) {
   EXPECT_EQ(evidence.interpenetration, 0);
   EXPECT_FALSE(evidence.rims);  // a sphere has none
   EXPECT_GT(judged(cloud, cloud, {}).value, 0.8);
-  EXPECT_FALSE(evidence.spread || evidence.rotation_gap || evidence.refined_by);
+  EXPECT_FALSE(evidence.rotation_spread || evidence.translation_spread || evidence.rotation_gap ||
+               evidence.refined_by);
 }
 
 TEST(Evidence, IsTheSameInEveryFrameAndUnit) {
@@ -130,24 +133,39 @@ TEST(Evidence, SeesRimsThatMeet) {
 TEST(Confidence, FallsWithTheEvidence) {
   const GeneratedPair pair = aircraft(1);
   const Pose& truth = pair.T_reference_source;
-  const auto with = [&](double gap, double spread) {
-    return judged(pair.source, pair.reference, truth, NetworkEvidence{truth, gap, spread});
+  const auto with = [&](double gap, double degrees, double translation) {
+    return judged(pair.source, pair.reference, truth, NetworkEvidence{truth, gap, degrees, translation});
   };
-  const Confidence good = with(1.9, 3);
+  const Confidence good = with(1.9, 3, 0.01);
   EXPECT_GT(good.value, 0.9);
   EXPECT_THAT(good.reasons, IsEmpty());
-  EXPECT_EQ(good.evidence.spread, 3);
+  EXPECT_EQ(good.evidence.rotation_spread, 3);
+  EXPECT_EQ(good.evidence.translation_spread, 0.01);
   EXPECT_FALSE(good.evidence.refined_by);
   double last = 1;
-  for (const double spread : {3., 10., 30., 90.}) {
-    const Confidence confidence = with(1.9, spread);
+  for (const double degrees : {3., 10., 30., 90.}) {
+    const Confidence confidence = with(1.9, degrees, 0.01);
     EXPECT_LT(confidence.value, last);
     last = confidence.value;
   }
-  const Confidence doubtful = with(0.2, 90);
+  EXPECT_LT(with(1.9, 3, 0.3).value, good.value);
+  EXPECT_LT(with(1, 3, 0.01).value, good.value);
+  const Confidence doubtful = with(0.2, 90, 0.5);
   EXPECT_LT(doubtful.value, 0.2);
   EXPECT_THAT(doubtful.reasons,
-              testing::UnorderedElementsAre(HasSubstr("differ by 90°"), HasSubstr("gap 0.20")));
+              testing::UnorderedElementsAre(HasSubstr("differ by 90°"), HasSubstr("50 % of their radius"),
+                                            HasSubstr("gap 0.20")));
+}
+
+TEST(Confidence, IsNoneOfARotationThatIsNotDetermined) {
+  const GeneratedPair pair = aircraft(1);
+  const auto with = [&](double gap) {
+    return judged(pair.source, pair.reference, pair.T_reference_source,
+                  NetworkEvidence{pair.T_reference_source, gap, 3, 0.01});
+  };
+  EXPECT_GT(with(1.1e-3).value, 0);
+  EXPECT_EQ(with(0.9e-3).value, 0);
+  EXPECT_EQ(with(0.9e-3).reasons.front(), "the rotation is not determined");
 }
 
 TEST(Confidence, SaysHowFarRefinementTurned) {
@@ -156,7 +174,7 @@ TEST(Confidence, SaysHowFarRefinementTurned) {
   start.rotation = {1, 0, 0, 0, 0, -1, 0, 1, 0};
   const double turned = rotation_error_degrees(start, pair.T_reference_source);
   const Confidence confidence =
-      judged(pair.source, pair.reference, pair.T_reference_source, NetworkEvidence{start, 1.9, 3});
+      judged(pair.source, pair.reference, pair.T_reference_source, NetworkEvidence{start, 1.9, 3, 0.01});
   EXPECT_DOUBLE_EQ(confidence.evidence.refined_by.value(), turned);
   EXPECT_THAT(confidence.reasons, testing::Contains(HasSubstr("refinement turned")));
 }
@@ -195,6 +213,91 @@ TEST(Confidence, NamesWhatIsWrong) {
   EXPECT_THAT(error(pairs, std::vector<Pose>(1)), HasSubstr("1 poses"));
 }
 
+Assembly answer_of(const Pose& pose, double gap) {
+  Assembly answer;
+  answer.T_reference_source = pose;
+  answer.diagnostics.rotation_gap = gap;
+  return answer;
+}
+
+Pose turn_about_z(double degrees) {
+  const double c = std::cos(degrees * std::numbers::pi / 180), s = std::sin(degrees * std::numbers::pi / 180);
+  Pose pose;
+  pose.rotation = {c, -s, 0, s, c, 0, 0, 0, 1};
+  return pose;
+}
+
+Pose shift(double x, double y, double z) {
+  Pose pose;
+  pose.translation = {x, y, z};
+  return pose;
+}
+
+TEST(Answers, MeanIsWeightedByTheGaps) {
+  const PointCloud cloud = sphere(100, 1);
+  confidence::Answers shifted({cloud, cloud}), turned({cloud, cloud});
+  shifted.add(answer_of(shift(1, 0, 0), 1.5));
+  shifted.add(answer_of(shift(-1, 0, 0), 0.5));
+  EXPECT_NEAR(shifted.together().T_reference_source.translation[0], 0.5, 1e-12);
+  EXPECT_DOUBLE_EQ(shifted.together().rotation_gap, 1);
+  turned.add(answer_of(turn_about_z(60), 1.5));
+  turned.add(answer_of(turn_about_z(-60), 0.5));
+  // The direction of 1.5 e^{i60°} + 0.5 e^{−i60°}.
+  const double expected = std::atan2(std::sqrt(3) / 2, 1) * 180 / std::numbers::pi;
+  EXPECT_NEAR(rotation_error_degrees(turned.together().T_reference_source, turn_about_z(expected)), 0, 1e-6);
+}
+
+TEST(Answers, FirstOneCountsWhereNoneIsDetermined) {
+  const PointCloud cloud = sphere(100, 1);
+  confidence::Answers answers({cloud, cloud});
+  answers.add(answer_of(turn_about_z(20), 0));
+  answers.add(answer_of(turn_about_z(80), 0));
+  EXPECT_EQ(answers.together().T_reference_source.matrix(), turn_about_z(20).matrix());
+  EXPECT_EQ(answers.together().rotation_gap, 0);
+}
+
+TEST(Answers, SpreadsAreAnAngleAndAShareOfTheRadius) {
+  // Corners of cubes, 2√3 and √3 from their middles: a radius of √15.
+  const auto cube = [](double half, const Vec3d& middle) {
+    PointCloud cloud;
+    for (int corner = 0; corner < 8; ++corner) {
+      const auto at = [&](int axis) {
+        return static_cast<float>(middle[axis] + (corner >> axis & 1 ? half : -half));
+      };
+      cloud.positions.push_back({at(0), at(1), at(2)});
+    }
+    return cloud;
+  };
+  const PointCloud source = cube(2, {0, 0, 0}), reference = cube(1, {4, 0, 0});
+  confidence::Answers answers({source, reference});
+  for (const double degrees : {10., -10.}) answers.add(answer_of(turn_about_z(degrees), 1));
+  const NetworkEvidence evidence = answers.together();
+  EXPECT_NEAR(evidence.rotation_spread, 10, 1e-9);
+  // The source's middle stays in all of them and in the mean's turn; the reference's goes back to
+  // 4 (cos 10°, ± sin 10°), which asks the mean for a step of its own, half of it heeded.
+  const double c = std::cos(std::numbers::pi / 18), s = std::sin(std::numbers::pi / 18);
+  const double step = 0.5 * (4 - 4 * c);
+  const double there = step, back = std::hypot(4 - step - 4 * c, 4 * s);
+  EXPECT_NEAR(evidence.T_reference_source.translation[0], step, 1e-6);
+  EXPECT_NEAR(evidence.translation_spread, std::sqrt((there * there + back * back) / 2 / 15), 1e-6);
+}
+
+TEST(Answers, FailedOnesSpeakAgainstThePose) {
+  const PointCloud cloud = sphere(100, 1);
+  confidence::Answers answers({cloud, cloud});
+  answers.add(answer_of({}, 1.8));
+  Assembly failed = answer_of({}, std::numeric_limits<double>::quiet_NaN());
+  failed.T_reference_source.translation[0] = std::numeric_limits<double>::quiet_NaN();
+  failed.status = Status::failed;
+  answers.add(failed);
+  answers.add(failed);
+  const NetworkEvidence evidence = answers.together();
+  EXPECT_EQ(evidence.rotation_spread, 180);
+  EXPECT_DOUBLE_EQ(evidence.rotation_gap, 0.6);
+  EXPECT_EQ(evidence.translation_spread, 0);
+  EXPECT_EQ(evidence.T_reference_source.matrix(), Pose().matrix());
+}
+
 class Resample : public testing::Test {
  protected:
   Plan plan(const Model& model, std::span<const CloudPair> pairs) {
@@ -212,19 +315,22 @@ TEST_F(Resample, TellsSettledAnswersFromVagueOnes) {
   const auto timings = made.timings();
   const auto evidence = resample(made, pairs, assemblies).value();
   ASSERT_TRUE(evidence[0] && evidence[1]);
-  EXPECT_LT(evidence[0]->spread, 20);
-  EXPECT_GT(evidence[0]->spread, 0);
-  EXPECT_GT(evidence[1]->spread, 30);  // a ball has no answer
-  EXPECT_EQ(evidence[0]->rotation_gap, assemblies[0].diagnostics.rotation_gap);
+  EXPECT_LT(evidence[0]->rotation_spread, 20);
+  EXPECT_GT(evidence[0]->rotation_spread, 0);
+  EXPECT_GT(evidence[1]->rotation_spread, 30);  // a ball has no answer
+  EXPECT_GT(evidence[0]->translation_spread, 0);
+  EXPECT_LT(evidence[0]->translation_spread, 0.2);
+  EXPECT_GT(evidence[0]->rotation_gap, evidence[1]->rotation_gap);
   // The plan still tells of the assembly.
   ASSERT_EQ(made.timings().size(), timings.size());
   for (std::size_t i = 0; i < timings.size(); ++i)
     EXPECT_EQ(made.timings()[i].milliseconds, timings[i].milliseconds);
 
-  EXPECT_EQ(resample(made, pairs, assemblies).value()[0]->spread, evidence[0]->spread);
-  EXPECT_NE(resample(made, pairs, assemblies, {.seed = 9}).value()[0]->spread, evidence[0]->spread);
+  EXPECT_EQ(resample(made, pairs, assemblies).value()[0]->rotation_spread, evidence[0]->rotation_spread);
+  EXPECT_NE(resample(made, pairs, assemblies, {.seed = 9}).value()[0]->rotation_spread,
+            evidence[0]->rotation_spread);
   const auto alone = resample(made, {pairs.data(), 1}, {assemblies.data(), 1}).value();
-  EXPECT_NEAR(alone[0]->spread, evidence[0]->spread, 1e-3);
+  EXPECT_NEAR(alone[0]->rotation_spread, evidence[0]->rotation_spread, 1e-3);
 }
 
 PointCloud permuted(const PointCloud& cloud, Random& random) {
@@ -252,6 +358,11 @@ TEST_F(Resample, MeanTurnsWithTheCloudsIsInvertedWithThemAndIgnoresTheirOrder) {
                                           {shuffled, pair.reference}};
     Plan made = make_plan(cpu_device(1), model, shape_of(pairs), {.precision = Precision::f64}).value();
     const auto mean = resample(made, pairs, assemble(made, pairs).value()).value();
+    for (const auto& same : mean) {
+      EXPECT_NEAR(same->rotation_gap, mean[0]->rotation_gap, 1e-4);
+      EXPECT_NEAR(same->rotation_spread, mean[0]->rotation_spread, 1e-3);
+      EXPECT_NEAR(same->translation_spread, mean[0]->translation_spread, 1e-5);
+    }
     const Pose first = mean[0]->T_reference_source;
     const Pose expected = b * first * a.inverse();
     EXPECT_LT(turned(mean[1]->T_reference_source, expected), 1e-3);  // normals are floats
@@ -329,7 +440,7 @@ TEST(Confidence, TellsRightFromWrongOnShapesItHasNotSeen) {
     Plan plan = make_plan(cpu_device(1), model, shape_of({&pair, 1})).value();
     const auto assemblies = assemble(plan, {&pair, 1}, {.diagnostics = false}).value();
     const auto evidence = resample(plan, {&pair, 1}, assemblies).value();
-    const Pose& pose = assemblies[0].T_reference_source;
+    const Pose& pose = evidence[0]->T_reference_source;
     const auto confidence = judge_poses(cpu_device(1), {&pair, 1}, {&pose, 1}, evidence).value();
     judgements.push_back({confidence[0].value, near_truth(errors_of(pose, sample))});
   }
