@@ -9,7 +9,8 @@
 namespace bitr::cpu {
 namespace {
 
-// Above this many references per cloud a k-d tree beats brute force (measured; docs/performance.md).
+// Above this many references per cloud a k-d tree is used: it beats brute force from here on where many
+// neighbours are wanted, from 1000 on where few are (docs/performance.md).
 constexpr std::size_t brute_force_limit = 200;
 constexpr std::size_t leaf_points = 20;
 
