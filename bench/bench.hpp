@@ -51,6 +51,17 @@ void guarded(benchmark::State& state, const Body& body) try {
   state.SkipWithError(error.what());
 }
 
+/// Registers measure(state, device) for every device, in milliseconds that the host sees.
+template <class Measure>
+void register_whole(const Run& run, const std::string& what, const Measure& measure) {
+  for (const Device& device : run.devices)
+    benchmark::RegisterBenchmark(
+        (what + "/" + std::string(name(device.backend()))).c_str(),
+        [=](benchmark::State& state) { guarded(state, [&] { measure(state, device); }); })
+        ->UseRealTime()
+        ->Unit(benchmark::kMillisecond);
+}
+
 inline double seconds_between(auto start, auto end) {
   return std::chrono::duration<double>(end - start).count();
 }

@@ -53,12 +53,8 @@ void register_model(const Run& run) {
   for (const std::uint32_t pairs : {1, 4, 16, 64}) {
     if (run.counters && pairs > 4) continue;
     const Size size{points, pairs};
-    for (const Device& device : run.devices)
-      benchmark::RegisterBenchmark(
-          ("model/" + size.str() + "/" + std::string(name(device.backend()))).c_str(),
-          [=](benchmark::State& state) { guarded(state, [&] { measure(state, run, device, size); }); })
-          ->UseRealTime()
-          ->Unit(benchmark::kMillisecond);
+    register_whole(run, "model/" + size.str(),
+                   [=](benchmark::State& state, const Device& device) { measure(state, run, device, size); });
   }
 }
 

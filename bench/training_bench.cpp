@@ -36,12 +36,8 @@ void measure(benchmark::State& state, const Device& device, Size size) {
 void register_training(const Run& run) {
   if (run.counters) return;
   for (const Size size : {Size{512, 8}, Size{1024, 8}})
-    for (const Device& device : run.devices)
-      benchmark::RegisterBenchmark(
-          ("training/" + size.str() + "/" + std::string(name(device.backend()))).c_str(),
-          [=](benchmark::State& state) { guarded(state, [&] { measure(state, device, size); }); })
-          ->UseRealTime()
-          ->Unit(benchmark::kMillisecond);
+    register_whole(run, "training/" + size.str(),
+                   [=](benchmark::State& state, const Device& device) { measure(state, device, size); });
 }
 
 }  // namespace bitr::bench

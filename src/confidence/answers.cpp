@@ -11,14 +11,13 @@ namespace {
 
 using refine::nearest_rotation, refine::pose_of, refine::rotation_of, refine::vector;
 
+double squared_distance(const Vec3d& a, const Vec3d& b) { return (vector(a) - vector(b)).squaredNorm(); }
+
 double mean_squared_distance(const Vec3View& positions, const Vec3d& centroid) {
   double sum = 0;
-  for (std::size_t i = 0; i < positions.count; ++i)
-    sum += (vector(positions[i]) - vector(centroid)).squaredNorm();
+  for (std::size_t i = 0; i < positions.count; ++i) sum += squared_distance(positions[i], centroid);
   return sum / static_cast<double>(positions.count);
 }
-
-double squared_distance(const Vec3d& a, const Vec3d& b) { return (vector(a) - vector(b)).squaredNorm(); }
 
 }  // namespace
 

@@ -1,7 +1,6 @@
 // Several answers for the same pair, taken together.
 #pragma once
 
-#include <Eigen/Core>
 #include <bitr/confidence.hpp>
 #include <vector>
 

@@ -12,6 +12,7 @@
 #include "confidence/answers.hpp"
 #include "core/select_rows.hpp"
 #include "support/random_motion.hpp"
+#include "support/turn.hpp"
 
 namespace bitr {
 namespace {
@@ -220,13 +221,6 @@ Assembly answer_of(const Pose& pose, double gap) {
   return answer;
 }
 
-Pose turn_about_z(double degrees) {
-  const double c = std::cos(degrees * std::numbers::pi / 180), s = std::sin(degrees * std::numbers::pi / 180);
-  Pose pose;
-  pose.rotation = {c, -s, 0, s, c, 0, 0, 0, 1};
-  return pose;
-}
-
 Pose shift(double x, double y, double z) {
   Pose pose;
   pose.translation = {x, y, z};
@@ -240,19 +234,21 @@ TEST(Answers, MeanIsWeightedByTheGaps) {
   shifted.add(answer_of(shift(-1, 0, 0), 0.5));
   EXPECT_NEAR(shifted.together().T_reference_source.translation[0], 0.5, 1e-12);
   EXPECT_DOUBLE_EQ(shifted.together().rotation_gap, 1);
-  turned.add(answer_of(turn_about_z(60), 1.5));
-  turned.add(answer_of(turn_about_z(-60), 0.5));
+  turned.add(answer_of(test::turn_about({0, 0, 1}, 60), 1.5));
+  turned.add(answer_of(test::turn_about({0, 0, 1}, -60), 0.5));
   // The direction of 1.5 e^{i60°} + 0.5 e^{−i60°}.
   const double expected = std::atan2(std::sqrt(3) / 2, 1) * 180 / std::numbers::pi;
-  EXPECT_NEAR(rotation_error_degrees(turned.together().T_reference_source, turn_about_z(expected)), 0, 1e-6);
+  EXPECT_NEAR(
+      rotation_error_degrees(turned.together().T_reference_source, test::turn_about({0, 0, 1}, expected)), 0,
+      1e-6);
 }
 
 TEST(Answers, FirstOneCountsWhereNoneIsDetermined) {
   const PointCloud cloud = sphere(100, 1);
   confidence::Answers answers({cloud, cloud});
-  answers.add(answer_of(turn_about_z(20), 0));
-  answers.add(answer_of(turn_about_z(80), 0));
-  EXPECT_EQ(answers.together().T_reference_source.matrix(), turn_about_z(20).matrix());
+  answers.add(answer_of(test::turn_about({0, 0, 1}, 20), 0));
+  answers.add(answer_of(test::turn_about({0, 0, 1}, 80), 0));
+  EXPECT_EQ(answers.together().T_reference_source.matrix(), test::turn_about({0, 0, 1}, 20).matrix());
   EXPECT_EQ(answers.together().rotation_gap, 0);
 }
 
@@ -270,7 +266,7 @@ TEST(Answers, SpreadsAreAnAngleAndAShareOfTheRadius) {
   };
   const PointCloud source = cube(2, {0, 0, 0}), reference = cube(1, {4, 0, 0});
   confidence::Answers answers({source, reference});
-  for (const double degrees : {10., -10.}) answers.add(answer_of(turn_about_z(degrees), 1));
+  for (const double degrees : {10., -10.}) answers.add(answer_of(test::turn_about({0, 0, 1}, degrees), 1));
   const NetworkEvidence evidence = answers.together();
   EXPECT_NEAR(evidence.rotation_spread, 10, 1e-9);
   // The source's middle stays in all of them and in the mean's turn; the reference's goes back to

@@ -6,21 +6,16 @@
 #include <bitr/pose.hpp>
 #include <bitr/result.hpp>
 #include <cmath>
-#include <numbers>
 #include <set>
 
 #include "core/tensor.hpp"
 #include "support/random_motion.hpp"
+#include "support/turn.hpp"
 
 namespace bitr {
 namespace {
 
 double distance(const Vec3d& a, const Vec3d& b) { return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]); }
-
-Pose turn_about_z(double degrees) {
-  const double a = degrees * std::numbers::pi / 180;
-  return {{std::cos(a), -std::sin(a), 0, std::sin(a), std::cos(a), 0, 0, 0, 1}, {0, 0, 0}};
-}
 
 TEST(Pose, ComposesAndInverts) {
   Random random(1);
@@ -43,12 +38,15 @@ TEST(Pose, ComposesAndInverts) {
 TEST(Pose, RotationErrorIsAccurateAtBothEnds) {
   Random random(2);
   for (const double degrees : {0.0, 1e-12, 1e-7, 1e-3, 1.0, 90.0, 179.0, 179.999, 180 - 1e-6, 180.0}) {
-    EXPECT_NEAR(rotation_error_degrees(Pose{}, turn_about_z(degrees)), degrees, 1e-13 + 1e-12 * degrees);
+    EXPECT_NEAR(rotation_error_degrees(Pose{}, test::turn_about({0, 0, 1}, degrees)), degrees,
+                1e-13 + 1e-12 * degrees);
     // The same angle seen from any frame, to the rounding of the product.
     for (int i = 0; i < 20; ++i) {
       const Pose g = test::random_pose(random), h = test::random_pose(random);
-      EXPECT_NEAR(rotation_error_degrees(g * h, g * turn_about_z(degrees) * h), degrees, 1e-6) << degrees;
-      EXPECT_NEAR(rotation_error_degrees(g * turn_about_z(degrees) * h, g * h), degrees, 1e-6) << degrees;
+      EXPECT_NEAR(rotation_error_degrees(g * h, g * test::turn_about({0, 0, 1}, degrees) * h), degrees, 1e-6)
+          << degrees;
+      EXPECT_NEAR(rotation_error_degrees(g * test::turn_about({0, 0, 1}, degrees) * h, g * h), degrees, 1e-6)
+          << degrees;
     }
   }
 }

@@ -10,26 +10,17 @@
 
 #include "refine/overlap.hpp"
 #include "support/random_motion.hpp"
+#include "support/turn.hpp"
 
 namespace bitr {
 namespace {
 
 using testing::HasSubstr;
 
-constexpr double pi = 3.14159265358979;
-
 struct Made {
   GeneratedPair pair;
   Pose start;
 };
-
-Pose turn_about(const Eigen::Vector3d& axis, double degrees) {
-  const double c = std::cos(degrees * pi / 180), s = std::sin(degrees * pi / 180), d = 1 - c;
-  const double x = axis[0], y = axis[1], z = axis[2];
-  return {{c + x * x * d, x * y * d - z * s, x * z * d + y * s, y * x * d + z * s, c + y * y * d,
-           y * z * d - x * s, z * x * d - y * s, z * y * d + x * s, c + z * z * d},
-          {}};
-}
 
 /// Aircraft cut from opposite ends, and a start that is `degrees` and a little shift off the truth.
 Made make(std::uint64_t seed, std::size_t points, double degrees, double noise = 0.005) {
@@ -40,7 +31,7 @@ Made make(std::uint64_t seed, std::size_t points, double degrees, double noise =
   options.protocol = Protocol::opposed;
   Made made{generate_pair("aircraft", options).value(), {}};
   Random random(seed);
-  Pose off = turn_about(test::random_unit(random), degrees);
+  Pose off = test::turn_about(test::random_unit(random), degrees);
   off.translation = {0.01, -0.01, 0.005};
   const Pose& T = made.pair.T_source_object;
   made.start = made.pair.T_reference_source * T * off * T.inverse();
@@ -127,7 +118,7 @@ TEST(Refine, OfACopyIsExact) {
         reference.normals.push_back(
             {static_cast<float>(turned[0]), static_cast<float>(turned[1]), static_cast<float>(turned[2])});
       }
-    const Pose start = motion * turn_about({0, 0, 1}, 3);
+    const Pose start = motion * test::turn_about({0, 0, 1}, 3);
     const Refinement result = refined({source, reference}, start);
     EXPECT_LE(rotation_error_degrees(result.T_reference_source, motion), 1e-4);
     EXPECT_LE(translation_error(result.T_reference_source, motion), 1e-6);
