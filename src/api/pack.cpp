@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "api/pack.hpp"
+#include "core/morton.hpp"
 
 namespace bitr {
 namespace {
@@ -34,8 +35,10 @@ Result<void> check_view(const Vec3View& rows, const std::string& label, const ch
   return {};
 }
 
-// Finite numbers and a representable extent; returns the centroid.
-Result<Vec3d> check_positions(const Vec3View& points, const std::string& label, const Range& range) {
+using Order = std::vector<std::uint32_t>;
+
+// Finite numbers and a representable extent.
+Result<void> check_positions(const Vec3View& points, const std::string& label, const Range& range) {
   Vec3d sum{}, low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
@@ -58,6 +61,13 @@ Result<Vec3d> check_positions(const Vec3View& points, const std::string& label, 
     return fail(ErrorCode::invalid_argument, label + ": its extent of " + shortest(extent) + " is outside " +
                                                  shortest(range.least) + " … " + shortest(range.most) +
                                                  ", what the plan's precision holds");
+  return {};
+}
+
+Vec3d mean(const Vec3View& points, const Order& order) {
+  Vec3d sum{};
+  for (const std::uint32_t i : order)
+    for (int a = 0; a < 3; ++a) sum[a] += points[i][a];
   for (double& s : sum) s /= static_cast<double>(points.count);
   return sum;
 }
@@ -78,10 +88,10 @@ Result<void> check_attribute(const Vec3View& rows, std::size_t points, const std
 }
 
 // From the centroid, over their root mean square.
-std::vector<Vec3d> offsets(const Vec3View& points, const Vec3d& centroid) {
+std::vector<Vec3d> offsets(const Vec3View& points, const Order& order, const Vec3d& centroid) {
   std::vector<Vec3d> all(points.count);
   double square = 0;
-  for (std::size_t i = 0; i < points.count; ++i)
+  for (const std::uint32_t i : order)
     for (int a = 0; a < 3; ++a) {
       all[i][a] = points[i][a] - centroid[a];
       square += all[i][a] * all[i][a];
@@ -122,16 +132,17 @@ Result<PackedBatch> pack(const ModelConfig& config, Precision precision, const B
                       std::to_string(total) + " points, the plan holds " + std::to_string(capacity.pairs) +
                       " and " + std::to_string(capacity.points));
     if (auto ok = check_view(cloud.positions, label, "positions"); !ok) return tl::unexpected(ok.error());
-    const auto centroid = check_positions(cloud.positions, label, range);
-    if (!centroid) return tl::unexpected(centroid.error());
+    if (auto ok = check_positions(cloud.positions, label, range); !ok) return tl::unexpected(ok.error());
     if (config.return_normals)
       if (auto ok = check_attribute(cloud.normals, cloud.positions.count, label, "normals"); !ok)
         return tl::unexpected(ok.error());
     if (config.get_color)
       if (auto ok = check_attribute(cloud.colors, cloud.positions.count, label, "colours"); !ok)
         return tl::unexpected(ok.error());
-    batch.centroids.push_back(*centroid);
-    if (config.centroid_offset) batch.offsets.push_back(offsets(cloud.positions, *centroid));
+    const Order& order = batch.order.emplace_back(
+        morton_order(cloud.positions.count, [&](std::size_t i) { return cloud.positions[i]; }));
+    const Vec3d& centroid = batch.centroids.emplace_back(mean(cloud.positions, order));
+    if (config.centroid_offset) batch.offsets.push_back(offsets(cloud.positions, order, centroid));
     sizes.push_back(static_cast<std::uint32_t>(cloud.positions.count));
   }
   batch.layout = graph::BatchLayout(sizes, static_cast<std::uint32_t>(config.num_key_points));

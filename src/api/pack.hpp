@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bitr/assemble.hpp>
+#include <span>
 
 #include "graph/graph.hpp"
 
@@ -13,6 +14,9 @@ struct PackedBatch {
   graph::BatchLayout layout;
   std::vector<const CloudView*> clouds;
   std::vector<Vec3d> centroids;
+  /// Per cloud, its points as the network gets them: along a curve, where neighbours are near each other in
+  /// memory, so that the same points give the same bits in whatever order they come.
+  std::vector<std::vector<std::uint32_t>> order = {};
   std::vector<std::vector<Vec3d>> offsets = {};  ///< per cloud, if the model reads them
 };
 
@@ -24,13 +28,15 @@ Result<PackedBatch> pack(const ModelConfig& config, Precision precision, const B
 /// The fewest points a cloud may have.
 std::size_t least_points(const ModelConfig& config);
 
-/// Rows of a cloud's attribute, minus `shift`, `stride` numbers apart, zeros between them.
+/// Rows of a cloud's attribute in `order`, minus `shift`, `stride` numbers apart, zeros between them.
 template <class T>
-void copy_rows(const Vec3View& rows, const Vec3d& shift, std::size_t stride, T* to) {
-  for (std::size_t i = 0; i < rows.count; ++i, to += stride) {
+void copy_rows(const Vec3View& rows, std::span<const std::uint32_t> order, const Vec3d& shift,
+               std::size_t stride, T* to) {
+  for (const std::uint32_t i : order) {
     const Vec3d row = rows[i];
     for (std::size_t a = 0; a < 3; ++a) to[a] = static_cast<T>(row[a] - shift[a]);
     std::fill(to + 3, to + stride, T{0});
+    to += stride;
   }
 }
 
@@ -42,7 +48,7 @@ void fill_inputs(const PackedBatch& batch, const graph::Graph& graph, std::size_
     const CloudView& cloud = *batch.clouds[c];
     const auto fill = [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift) {
       if (id != graph::no_tensor)
-        copy_rows(rows, shift, stride, data(id) + stride * batch.layout.cloud_offset[c]);
+        copy_rows(rows, batch.order[c], shift, stride, data(id) + stride * batch.layout.cloud_offset[c]);
     };
     fill(graph.positions, cloud.positions, batch.centroids[c]);
     fill(graph.normals, cloud.normals, {});
