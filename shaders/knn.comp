@@ -7,13 +7,14 @@
 //                                DILATION-th; K · DILATION ≤ 128
 // mod 5 found      u32[Q,K·DILATION,2] squared distance and row, between dispatches over parts of the references
 // spec 0 WORKGROUP=32  1 K≤64  2 DIM≤8  3 EXCLUDE_SELF  4 DILATION≤16 | grid tiles | shared 0 KiB
-// loops ≤ 3·references/8 + references ≤ 45056 < 65535 | error: indices equal to cpu/knn | fp32
+// loops ≤ 4·references/8 + references/4 ≤ 24576 < 65535 | error: indices equal to cpu/knn | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
 #ifdef SHUFFLE
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_vote : require
 #endif
 #include "common/parameters.glsl"
 
@@ -25,7 +26,7 @@ layout(constant_id = 4) const int DILATION = 1;
 
 const int NEAREST = K * DILATION;
 const int VECTORS = (DIM + 3) / 4;
-const int BATCH = 8;
+const int BATCH = 8, AT_ONCE = 4;  // candidates loaded together, and put into the list together
 #define INFINITY uintBitsToFloat(0x7f800000u)
 
 layout(set = 0, binding = 0) readonly buffer Queries { vec4 queries[]; };
@@ -74,6 +75,31 @@ float distance_of(uint base, uint step, int i, uint end, uint self) {
   float sum = squared(0.0, query0, candidate(loaded0, from * VECTORS, i), DIM);
   if (VECTORS > 1) sum = squared(sum, query1, candidate(loaded1, from * VECTORS + 1, i), DIM - 4);
   return row < end && !(EXCLUDE_SELF && row == self) ? sum : INFINITY;
+}
+
+bool any_wants(bool wants) {
+#ifdef SHUFFLE
+  return subgroupAny(wants);
+#else
+  return wants;
+#endif
+}
+
+// By distance, then row.
+void sort_batch(inout float d[BATCH], inout uint from[BATCH]) {
+  const int comparisons = 19, pairs[2 * comparisons] =
+      int[](0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 1, 3, 4, 6, 5, 7, 1, 2, 5, 6, 0, 4, 3, 7, 1, 5, 2, 6, 1, 4, 3, 6, 2, 4, 3, 5,
+            3, 4);
+  [[unroll]] for (int c = 0; c < comparisons; ++c) {
+    const int a = pairs[2 * c], b = pairs[2 * c + 1];
+    const float da = d[a], db = d[b];
+    const uint ra = from[a], rb = from[b];
+    const bool exchange = db < da || (db == da && rb < ra);
+    d[a] = exchange ? db : da;
+    d[b] = exchange ? da : db;
+    from[a] = exchange ? rb : ra;
+    from[b] = exchange ? ra : rb;
+  }
 }
 
 // Where many are wanted, most of the time goes into making room among those found, so that it pays to know beforehand how
@@ -145,35 +171,50 @@ void main() {
     }
   }
 
-  for (uint base = begin; base < end; base += BATCH) {
-    load_batch(base, 1, end);
+  uint next = begin;
+  while (next < end) {
+    // On to a batch that holds something for one of the subgroup.
     float d[BATCH];
-    float least = INFINITY;
-    [[unroll]] for (int i = 0; i < BATCH; ++i) {
-      d[i] = distance_of(base, 1, i, end, row);
-      least = min(least, d[i]);
-    }
+    uint from[BATCH];
+    bool wanted;
+    do {
+      load_batch(next, 1, end);
+      float least = INFINITY;
+      [[unroll]] for (int i = 0; i < BATCH; ++i) {
+        d[i] = distance_of(next, 1, i, end, row);
+        from[i] = next + i;
+        least = min(least, d[i]);
+      }
+      wanted = any_wants(least < nearest[NEAREST - 1]);
+      next += BATCH;
+    } while (!wanted && next < end);
+
+    sort_batch(d, from);
     // The condition at the end: processors go once more through the body of a loop that begins with it, and this one
     // changes nothing where there is no candidate.
     do {
-      uint from = end;
-      [[unroll]] for (int i = BATCH - 1; i >= 0; --i)
-        if (d[i] == least) from = base + i;
-      [[unroll]] for (int j = NEAREST - 1; j > 0; --j) {
-        const bool before = least < nearest[j - 1];
-        nearest_row[j] = before ? nearest_row[j - 1] : least < nearest[j] ? from : nearest_row[j];
-        nearest[j] = before ? nearest[j - 1] : min(least, nearest[j]);
+      // d[i - 1] is the one before place j, or pushes what was i places before it there.
+      [[unroll]] for (int j = NEAREST - 1; j >= 0; --j) {
+        float x = nearest[j];
+        uint x_row = nearest_row[j];
+        [[unroll]] for (int i = 1; i <= AT_ONCE && i <= j + 1; ++i) {
+          const bool here = d[i - 1] < nearest[j - i + 1];
+          x = here ? d[i - 1] : x;
+          x_row = here ? from[i - 1] : x_row;
+          if (i <= j) {
+            const bool before = d[i - 1] < nearest[j - i];
+            x = before ? nearest[j - i] : x;
+            x_row = before ? nearest_row[j - i] : x_row;
+          }
+        }
+        nearest[j] = x;
+        nearest_row[j] = x_row;
       }
-      if (least < nearest[0]) {
-        nearest[0] = least;
-        nearest_row[0] = from;
-      }
-      least = INFINITY;
       [[unroll]] for (int i = 0; i < BATCH; ++i) {
-        d[i] = base + i == from ? INFINITY : d[i];
-        least = min(least, d[i]);
+        d[i] = i + AT_ONCE < BATCH ? d[(i + AT_ONCE) % BATCH] : INFINITY;
+        from[i] = from[(i + AT_ONCE) % BATCH];
       }
-    } while (least < nearest[NEAREST - 1]);
+    } while (d[0] < nearest[NEAREST - 1]);
   }
 
   if (tile.y + gl_LocalInvocationID.x >= tile.z || (p.first_reference > 0 && begin >= segment_end)) return;

@@ -10,11 +10,11 @@
 // con 6 blocks   u32[PARTS,8]     first component in, first number out, channels out, numbers of a channel out + 256 ·
 //                                 those of one component of the first side; vec4 in coefficients[] and in d_features[],
 //                                 first table, 1 and 2: degrees differ on a side
-// out 7 d_coefficients f32[E,D,4] frequency, channels in, channels out
+// out 7 d_coefficients f32[D,E,4] frequency, channels in, channels out
 // out 8 d_features f32[W,E,4]     part, channels in, component
 // out 9 d_radial f32[TABLES,E,4]  gradients of both lengths, of the second and of the first variance
-// spec 0 WORKGROUP=32  1 N1≤3  2 N2≤3  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17 PER_PART≤2  18 D
-//      19 PARTS
+// spec 0 WORKGROUP=32  1 N1≤3  2 N2≤3  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17 PER_PART≤2
+//      18 PARTS
 // grid (ceil(E / WORKGROUP), parts) | shared 0 KiB
 // loops ≤ IN4·(1 + channels out·(1 + 2·32·3)) < 65535 | error: with the rest 1e-4 of the largest entry | fp32
 #version 450
@@ -36,8 +36,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const int N1 = 3;
 layout(constant_id = 2) const int N2 = 3;
 layout(constant_id = 17) const int PER_PART = 2;  // tables of a part
-layout(constant_id = 18) const uint D = 144;      // vec4s of an edge's coefficients
-layout(constant_id = 19) const int PARTS = 16;
+layout(constant_id = 18) const int PARTS = 16;
 
 READ_VEC4S(0, Turned);
 layout(set = 0, binding = 1) readonly buffer DTurned { float d_turned[]; };
@@ -191,7 +190,7 @@ void main() {
       if (PER_PART == 2) add_columns(PER_PART - 1, c * channels + o, step);
       if (inside) {
         [[unroll]] for (int f = 0; f < N; ++f)
-          d_coefficients[edge * D + more.x + f * step + c * channels + o] = d_coefficient[f];
+          d_coefficients[(more.x + f * step + c * channels + o) * p.edges + edge] = d_coefficient[f];
       }
       shorten(norm, differs1, differs2);
       [[unroll]] for (int to = 0; to < N; ++to)

@@ -61,11 +61,11 @@ constexpr Shader table_shader{"pair_gradient_tables", spirv::pair_gradient_table
 constexpr Shader texel_table_shader{"pair_gradient_tables_texels", spirv::pair_gradient_tables_texels,
                                     texel_table_bindings, sizeof(PairGradientParameters), 17};
 constexpr Shader kernel_shader{"pair_gradient_kernels", spirv::pair_gradient_kernels, kernel_bindings,
-                               sizeof(PairGradientParameters), 20};
+                               sizeof(PairGradientParameters), 19};
 constexpr Shader texel_kernel_shader{"pair_gradient_kernels_texels", spirv::pair_gradient_kernels_texels,
-                                     texel_kernel_bindings, sizeof(PairGradientParameters), 20};
+                                     texel_kernel_bindings, sizeof(PairGradientParameters), 19};
 constexpr Shader shared_kernel_shader{"pair_gradient_kernels_shuffle", spirv::pair_gradient_kernels_shuffle,
-                                      kernel_bindings, sizeof(PairGradientParameters), 20};
+                                      kernel_bindings, sizeof(PairGradientParameters), 19};
 constexpr Shader edge_shader{"pair_gradient_edges", spirv::pair_gradient_edges, edge_bindings,
                              sizeof(PairGradientParameters), 17};
 constexpr Shader texel_edge_shader{"pair_gradient_edges_texels", spirv::pair_gradient_edges_texels,
@@ -73,15 +73,16 @@ constexpr Shader texel_edge_shader{"pair_gradient_edges_texels", spirv::pair_gra
 constexpr Shader list_shader{"pair_gradient_lists", spirv::pair_gradient_lists, list_bindings,
                              sizeof(PairGradientParameters), 2};
 constexpr Shader sum_shader{"pair_gradient_sums", spirv::pair_gradient_sums, sum_bindings,
-                            sizeof(PairGradientParameters), 5};
+                            sizeof(PairGradientParameters), 4};
 constexpr Shader texel_sum_shader{"pair_gradient_sums_texels", spirv::pair_gradient_sums_texels,
-                                  texel_sum_bindings, sizeof(PairGradientParameters), 5};
+                                  texel_sum_bindings, sizeof(PairGradientParameters), 4};
 constexpr Shader form_shader{"pair_gradient_forms", spirv::pair_gradient_forms, form_bindings,
                              sizeof(PairGradientParameters), 3};
 constexpr Shader texel_form_shader{"pair_gradient_forms_texels", spirv::pair_gradient_forms_texels,
                                    texel_form_bindings, sizeof(PairGradientParameters), 3};
 
 constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t sum_quads = 4;  // pair_gradient_sums.comp's QUADS
 constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
 // Between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{96} << 20;
@@ -103,13 +104,13 @@ struct Kind {
 class PairGradientKernel : public Kernel {
  public:
   PairGradientKernel(const Site& site, const ops::Gradient<ops::PairAttention>& gradient)
-      : op_(gradient.op),
-        gradient_(gradient),
+      : gradient_(gradient),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
         kept_(site.kept),
-        messages_(site, op_) {
+        messages_(site, op_),
+        sum_lanes_(std::clamp(site.context.capabilities().subgroup_size, 8u, work_group)) {
     for (const ops::SectorTable& table : op_.tables)
       if (table.scale_degree == 0 && table.network->eps > 0)
         throw Failure(ErrorCode::unsupported, "models train in the scale-exact mode only");
@@ -239,13 +240,15 @@ class PairGradientKernel : public Kernel {
 
   void lay_out_tables() {
     std::vector<std::uint32_t> place(op_.tables.size());
-    std::uint32_t at = 0, most_units = 0;
+    std::uint32_t at = 0;
     for (std::size_t t = 0; t < op_.tables.size(); ++t) {
       place[t] = at;
       at += table_count(op_.tables[t]);
       sectors_ = std::max(sectors_, number(op_.tables[t].sectors()));
     }
     for_each_part([&](const ops::PairBlock& block, int, int) {
+      const std::uint32_t vectors =
+          number(block.freq()) * messages_.in_vectors() * number(block.out_channels);
       for (std::size_t t = 0; t < op_.tables.size(); ++t) {
         const ops::SectorTable& table = op_.tables[t];
         if (table.begin != block.coefficients) continue;
@@ -253,13 +256,11 @@ class PairGradientKernel : public Kernel {
                               {place[t], number(table.sectors()), sector_count(table),
                                table.scale_degree == 1 ? 2u : 4u, number(table.size),
                                number(block.in_channels), number(block.out_channels), coefficient_vectors_});
+        sum_units_ += rounds(vectors, sum_quads);
       }
-      const std::uint32_t vectors =
-          number(block.freq()) * messages_.in_vectors() * number(block.out_channels);
       coefficient_vectors_ += vectors;
-      most_units = std::max(most_units, (vectors + 1) / 2);
     });
-    most_units_ = sectors_ * most_units;
+    sector_groups_ = sectors_;
     // 2^SEARCH: the same pipelines for most layers.
     std::uint32_t most = 64;
     while (most < sectors_) most *= 2;
@@ -304,16 +305,15 @@ class PairGradientKernel : public Kernel {
     const std::uint32_t parts = number(block_numbers_.size() / 8), tables = messages_.tables();
     for (KindParts& kind : kinds_) {
       sizes = messages_.layer_sizes(std::array{work_group, kind.kind.n1, kind.kind.n2});
-      for (const std::uint32_t x : {kind.kind.tables, coefficient_vectors_, parts}) sizes.push_back(x);
+      for (const std::uint32_t x : {kind.kind.tables, parts}) sizes.push_back(x);
       kind.pipeline = &context.pipeline(capabilities_.texels    ? texel_kernel_shader
                                         : capabilities_.shuffle ? shared_kernel_shader
                                                                 : kernel_shader,
                                         sizes);
     }
     list_pipeline_ = &context.pipeline(list_shader, std::array{work_group, sectors_});
-    sum_pipeline_ = &context.pipeline(
-        capabilities_.texels ? texel_sum_shader : sum_shader,
-        std::array{work_group, sectors_, tables, messages_.in_vectors(), coefficient_vectors_});
+    sum_pipeline_ = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader,
+                                      std::array{sum_lanes_, sectors_, tables, messages_.in_vectors()});
     form_pipeline_ = &context.pipeline(capabilities_.texels ? texel_form_shader : form_shader,
                                        std::array{work_group, sectors_, tables});
     products_.make_pipelines(context, record_size_, 0, false);
@@ -417,7 +417,7 @@ class PairGradientKernel : public Kernel {
     dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1}, 50.0 * edges * tables);
     dispatch(*sum_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_coefficients, tables_.of(args), result},
-             {rounds(most_units_, work_group), tables, 1}, cost);
+             {sector_groups_, sum_units_, 1}, cost);
     dispatch(*form_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
               result},
@@ -446,17 +446,19 @@ class PairGradientKernel : public Kernel {
     const Pipeline* pipeline;
   };
 
-  const ops::PairAttention op_;
   const ops::Gradient<ops::PairAttention> gradient_;
+  const ops::PairAttention& op_ = gradient_.op;
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   const irreps::Fiber fiber_;  // messages: [values ; keys]
   const bool kept_;            // the messages, by the operation itself
   PairMessages messages_;
   OuterSums products_;
-  std::uint32_t record_size_ = 0, own_ = 0;                 // vec4s
-  std::uint32_t coefficient_vectors_ = 0, most_units_ = 0;  // vec4s of an edge; invocations of one table
-  std::uint32_t feature_vectors_ = 0, sectors_ = 0;
+  std::uint32_t record_size_ = 0, own_ = 0;                      // vec4s
+  std::uint32_t coefficient_vectors_ = 0, feature_vectors_ = 0;  // vec4s of an edge
+  std::uint32_t sectors_ = 0,
+                sector_groups_ = 0;          // the shaders' limit of a table's sectors; as many as there are
+  std::uint32_t sum_lanes_, sum_units_ = 0;  // of a work group; work groups of a sector, of all tables
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;
   ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;

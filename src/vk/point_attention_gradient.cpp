@@ -40,7 +40,7 @@ constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vec
                         wants_centres = 512, kept_sums = 1024;
 
 constexpr std::uint32_t listed_tiles = 32;
-constexpr std::size_t cached_rows = 1024 + 63;
+constexpr std::size_t cached_rows = 4096 + 63;
 
 std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t quads(int n) { return padded(n) / 4; }
