@@ -110,11 +110,17 @@ std::span<const ShippedModel> shipped_models();
 /// `invalid_argument` when there is none of that name.
 Result<Model> shipped_model(std::string_view name);
 
-/// What a person wrote where a model is asked for: a path (with a folder or an extension, or of a file that is
-/// there) or the name of a model that ships. Errors as of load_model and shipped_model.
+/// What a person wrote where a model is asked for: a path (with a folder or an extension, or of a file that
+/// is there) or the name of a model that ships. Errors as of load_model and shipped_model.
 Result<Model> find_model(const std::string& text);
 
-/// Safetensors bytes, float32, with canonical names, "bitr.config" and "bitr.mode" in the metadata.
-std::vector<std::byte> serialize(const Model& model);
+/// How a file holds weights.
+enum class WeightPrecision {
+  f32,
+  f16,  ///< half the size; to 11 bits, and infinite from 65520 on, which load_model() refuses
+};
+
+/// Safetensors bytes with canonical names, "bitr.config" and "bitr.mode" in the metadata.
+std::vector<std::byte> serialize(const Model& model, WeightPrecision precision = WeightPrecision::f32);
 
 }  // namespace bitr

@@ -75,8 +75,8 @@ Result<Model> untrained_model(const ModelConfig& config, std::uint64_t seed, Mod
   });
 }
 
-std::vector<std::byte> serialize(const Model& model) {
-  return io::serialize_safetensors(model::tensors_from_weights(model.weights()));
+std::vector<std::byte> serialize(const Model& model, WeightPrecision precision) {
+  return io::serialize_safetensors(model::tensors_from_weights(model.weights(), precision));
 }
 
 }  // namespace bitr

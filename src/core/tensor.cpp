@@ -1,5 +1,6 @@
 #include "core/tensor.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -30,6 +31,22 @@ double widen_f16(std::uint16_t bits) {
   if (exponent == 0) return sign * std::ldexp(mantissa, -24);
   if (exponent == 31) return mantissa ? std::nan("") : sign * INFINITY;
   return sign * std::ldexp(1024 + mantissa, exponent - 25);
+}
+
+std::uint16_t narrow_f16(float value) {
+  const std::uint32_t sign = std::signbit(value) ? 0x8000 : 0;
+  const double size = std::abs(static_cast<double>(value));
+  int exponent = 0;
+  std::frexp(size, &exponent);  // below 2^exponent
+  std::uint32_t bits = 0x7c00;
+  if (std::isnan(value))
+    bits = 0x7e00;
+  else if (size < 0x1p-14)
+    bits = static_cast<std::uint32_t>(std::nearbyint(std::ldexp(size, 24)));
+  else if (size < 65520)  // rounding up to the next power of two carries into the exponent
+    bits = (static_cast<std::uint32_t>(exponent + 13) << 10) +
+           static_cast<std::uint32_t>(std::nearbyint(std::ldexp(size, 11 - exponent)));
+  return static_cast<std::uint16_t>(sign | bits);
 }
 
 double element(DType type, const std::byte* at) {
@@ -121,6 +138,11 @@ Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<float>& va
 }
 Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<double>& values) {
   return make(DType::f64, std::move(shape), values);
+}
+Tensor Tensor::half(std::vector<std::size_t> shape, const std::vector<float>& values) {
+  std::vector<std::uint16_t> narrow(values.size());
+  std::transform(values.begin(), values.end(), narrow.begin(), narrow_f16);
+  return make(DType::f16, std::move(shape), narrow);
 }
 Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<std::int64_t>& values) {
   return make(DType::i64, std::move(shape), values);

@@ -94,7 +94,7 @@ Result<Weights> weights_from_tensors(const TensorMap& map, const ModelOptions& o
   return weights;
 }
 
-TensorMap tensors_from_weights(const Weights& weights) {
+TensorMap tensors_from_weights(const Weights& weights, WeightPrecision precision) {
   TensorMap map;
   map.metadata = weights.metadata;
   map.metadata[config_key] = to_json(weights.config);
@@ -105,7 +105,8 @@ TensorMap tensors_from_weights(const Weights& weights) {
     std::vector<float> values;
     for (Eigen::Index i = 0; i < matrix.rows(); ++i)
       for (Eigen::Index j = 0; j < matrix.cols(); ++j) values.push_back(static_cast<float>(matrix(i, j)));
-    map.tensors.emplace(spec.name, Tensor::from(spec.shape, values));
+    map.tensors.emplace(spec.name, precision == WeightPrecision::f16 ? Tensor::half(spec.shape, values)
+                                                                     : Tensor::from(spec.shape, values));
   }
   return map;
 }

@@ -12,8 +12,8 @@ namespace bitr::model {
 /// Checks every name and shape against the state dict of the configuration. `bad_file` names the tensor.
 Result<Weights> weights_from_tensors(const TensorMap& map, const ModelOptions& options);
 
-/// Canonical names, float32, with configuration and mode in the metadata.
-TensorMap tensors_from_weights(const Weights& weights);
+/// Canonical names, with configuration and mode in the metadata.
+TensorMap tensors_from_weights(const Weights& weights, WeightPrecision precision = WeightPrecision::f32);
 
 /// The official initialisation from a seed.
 Weights initial_weights(const ModelConfig& config, std::uint64_t seed, Mode mode);

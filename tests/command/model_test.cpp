@@ -38,14 +38,34 @@ TEST(Model, ConvertThenInfoThenAssemble) {
   EXPECT_EQ(result["complete_match"], false);
 }
 
+TEST(Model, HalvesWeights) {
+  const Folder folder;
+  const std::string whole = golden + "weights_01.safetensors", half = folder.path("half.safetensors");
+  const Finished converted = run_command({"model", "convert", whole, half, "--half"});
+  ASSERT_EQ(converted.status, 0) << converted.err;
+  EXPECT_LT(10 * std::filesystem::file_size(half), 6 * std::filesystem::file_size(whole));
+
+  const PairFiles pair = generate_files(folder, "copy", "200");
+  const auto rotation = [&](const std::string& weights) {
+    const Finished assembled = run_command({"assemble", pair.source, pair.reference, "--model", weights,
+                                            "--mode", "scale-exact", "--answers", "0", "--json", "-"});
+    EXPECT_EQ(assembled.status, 0) << assembled.err;
+    return nlohmann::json::parse(assembled.out)["rotation"].get<std::array<std::array<double, 3>, 3>>();
+  };
+  const auto exact = rotation(whole), rounded = rotation(half);
+  EXPECT_NE(exact, rounded);
+  for (int i = 0; i < 9; ++i) EXPECT_NEAR(exact[i / 3][i % 3], rounded[i / 3][i % 3], 0.05);
+}
+
 TEST(Model, RefusesWhatIsNoModel) {
   const Folder folder;
   const std::string junk = folder.write("junk.pt", "PK and then nothing"),
+                    junk_weights = folder.write("junk.safetensors", "and nothing"),
                     out = folder.path("out.safetensors");
   const std::vector<std::vector<std::string>> wrong = {
       {"convert", junk, out},
       {"convert", folder.path("none.pt"), out},
-      {"convert", golden + "weights_01.safetensors", out},
+      {"convert", junk_weights, out},
       {"convert", golden + "checkpoint_00_state_dict.pt", folder.path("none/out.safetensors")},
       {"convert", golden + "checkpoint_00_state_dict.pt", out, "--mode", "best"},
       {"info", junk},

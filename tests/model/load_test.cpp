@@ -85,6 +85,43 @@ TEST(Load, WhatWasSavedIsLoaded) {
   }
 }
 
+TEST(Load, HalvesAreTheNearest) {
+  model::Weights weights = model::initial_weights({}, 5, Mode::scale_exact);
+  const std::string name = "Binet.Gblock.0.GMAB.vk.rp.((0, 0),(0, 0)).net.3.weight";
+  Eigen::MatrixXd& matrix = weights.parameters.at(name);
+  // Ties go to even; the largest, the least normal and the least subnormal number, and half of that.
+  const std::vector<std::pair<double, double>> known = {{1 + 1.0 / 2048, 1},
+                                                        {1 + 3.0 / 2048, 1 + 1.0 / 512},
+                                                        {-1.0 / 3, -1365.0 / 4096},
+                                                        {65519, 65504},
+                                                        {1e-30, 0},
+                                                        {0x1p-14, 0x1p-14},
+                                                        {-0x1p-24, -0x1p-24},
+                                                        {0x1p-25, 0},
+                                                        {2047.75 / 1024, 2},
+                                                        {0x1.fffp-15, 0x1p-14}};
+  for (std::size_t i = 0; i < known.size(); ++i) matrix(static_cast<Eigen::Index>(i), 0) = known[i].first;
+  const Model model(std::make_shared<const model::Weights>(weights));
+  const auto halved = load_model(serialize(model, WeightPrecision::f16));
+  ASSERT_TRUE(halved) << halved.error().message;
+  const Eigen::MatrixXd& found = halved->weights().parameters.at(name);
+  for (std::size_t i = 0; i < known.size(); ++i)
+    EXPECT_EQ(found(static_cast<Eigen::Index>(i), 0), known[i].second) << known[i].first;
+  for (const auto& [other, exact] : weights.parameters) {
+    const Eigen::ArrayXXd off = (halved->weights().parameters.at(other) - exact).array().abs();
+    EXPECT_TRUE((off <= exact.array().abs() * 0x1p-11 + 0x1p-25).all()) << other;
+  }
+  // What has 16 bits stays as it is.
+  EXPECT_EQ(load_model(serialize(*halved, WeightPrecision::f16))->weights().parameters,
+            halved->weights().parameters);
+
+  matrix(0, 0) = 65520;
+  const auto infinite =
+      load_model(serialize(Model(std::make_shared<const model::Weights>(weights)), WeightPrecision::f16));
+  ASSERT_FALSE(infinite);
+  EXPECT_THAT(infinite.error().message, HasSubstr("non-finite"));
+}
+
 TEST(Load, KeepsForeignMetadata) {
   TensorMap map = saved();
   map.metadata["training.steps"] = "12345";
