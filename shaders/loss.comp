@@ -1,10 +1,10 @@
 // loss.comp: how far a pair is from its true pose, and how its key points spread, a work group per pair; see
 // src/ops/loss.hpp.
-// in  0 estimate f32[B,E]    OFFICIAL: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
+// in  0 estimate f32[B,E]    official: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
 // in  1 truth    f32[B,20]   as in src/ops/loss.hpp
 // in  2 keys     f32[2B·K,4] xyz; sources', then references'
 // out 3 terms    f32[B,4]    rotation, translation, spread, 0
-// spec 0 WORKGROUP=128  1 OFFICIAL | grid pairs | shared 0.5 KiB
+// spec 0 WORKGROUP=128  1 KIND=1 | grid pairs | shared 0.5 KiB
 // loops 2·K·⌈K/WORKGROUP⌉ + 7; for K ≤ 1024 ≤ 16391 < 65535 | error: 1e-5 of the largest term | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -12,9 +12,10 @@
 #include "common/parameters.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const bool OFFICIAL = false;
+layout(constant_id = 1) const uint KIND = 1;
 
 const uint WORKGROUP = gl_WorkGroupSize.x;
+const bool OFFICIAL = KIND == OFFICIAL_KIND;
 const uint E4 = OFFICIAL ? 4 : 6;
 
 layout(set = 0, binding = 0) readonly buffer Estimate { vec4 estimate[]; };
@@ -60,7 +61,8 @@ void main() {
   } else {
     const vec4 e4 = estimate[pair * E4 + 4], e5 = estimate[pair * E4 + 5];
     const mat3 error = rows / max(sqrt(square(rows)), MATRIX_NORM_FLOOR) - INVERSE_SQRT3 * t.R;
-    rotation = DIRECT_ROTATION_WEIGHT / 9.0 * square(error);
+    rotation = KIND == ROBUST_KIND ? ROBUST_ROTATION_WEIGHT * sqrt(square(error) + ROBUST_SOFTENING)
+                                   : DIRECT_ROTATION_WEIGHT / 9.0 * square(error);
     const vec3 first = e2.yzw + vec3(e3.w, e4.xy), second = e3.xyz + vec3(e4.zw, e5.x);
     const vec3 off = second - t.R * first - t.t;
     translation = sqrt(dot(off, off) + DIRECT_SOFTENING);

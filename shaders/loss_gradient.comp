@@ -1,11 +1,11 @@
 // loss_gradient.comp: of the mean over pairs of the loss's terms, with respect to the estimate and to the key points,
 // a work group per cloud; the source's does the pair's estimate. See src/ops/loss.hpp.
-// in  0 estimate   f32[B,E]    OFFICIAL: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
+// in  0 estimate   f32[B,E]    official: 16 as in src/ops/pose.hpp; else 21 as in src/ops/head.hpp, E = 24
 // in  1 truth      f32[B,20]   as in src/ops/loss.hpp
 // in  2 keys       f32[2B·K,4] xyz; sources', then references'
 // out 3 d_estimate f32[B,E]    if ESTIMATE
 // out 4 d_keys     f32[2B·K,4] if KEYS
-// spec 0 WORKGROUP=32  1 OFFICIAL  2 ESTIMATE  3 KEYS | grid clouds | shared 0 KiB
+// spec 0 WORKGROUP=32  1 KIND=1  2 ESTIMATE  3 KEYS | grid clouds | shared 0 KiB
 // loops K·⌈K/WORKGROUP⌉ + ⌈K/WORKGROUP⌉; for K ≤ 1024 ≤ 32800 < 65535 | error: 1e-5 of the largest entry | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -13,11 +13,12 @@
 #include "common/parameters.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const bool OFFICIAL = false;
+layout(constant_id = 1) const uint KIND = 1;
 layout(constant_id = 2) const bool ESTIMATE = true;
 layout(constant_id = 3) const bool KEYS = true;
 
 const uint WORKGROUP = gl_WorkGroupSize.x;
+const bool OFFICIAL = KIND == OFFICIAL_KIND;
 const uint E4 = OFFICIAL ? 4 : 6;
 
 layout(set = 0, binding = 0) readonly buffer Estimate { vec4 estimate[]; };
@@ -46,7 +47,11 @@ void estimate_gradient(uint pair) {
     const vec4 e4 = estimate[pair * E4 + 4], e5 = estimate[pair * E4 + 5];
     const float length = sqrt(square(rows)), norm = max(length, MATRIX_NORM_FLOOR);
     const mat3 unit = rows / norm;
-    along = share * DIRECT_ROTATION_WEIGHT * 2.0 / 9.0 * (unit - INVERSE_SQRT3 * t.R);
+    const mat3 error = unit - INVERSE_SQRT3 * t.R;
+    const float slope = KIND == ROBUST_KIND
+                            ? ROBUST_ROTATION_WEIGHT / sqrt(square(error) + ROBUST_SOFTENING)
+                            : 2.0 * DIRECT_ROTATION_WEIGHT / 9.0;
+    along = share * slope * error;
     if (length >= MATRIX_NORM_FLOOR)
       along -= (dot(along[0], unit[0]) + dot(along[1], unit[1]) + dot(along[2], unit[2])) * unit;
     along /= norm;

@@ -22,6 +22,7 @@ namespace bitr {
 enum class TrainLoss : std::uint8_t {
   official,  ///< the paper's, through the projection onto rotations
   direct,    ///< of the head's numbers as they are, nothing projected: the one that learns
+  robust,    ///< the same with the rotation's error not squared: rules medians, where `direct` rules means
 };
 
 /// Adam, after the gradient's entries and then its norm have been limited.
@@ -55,6 +56,12 @@ struct CheckpointOptions {
   std::size_t steps = 0;  ///< every so many; 0: not by steps
 };
 
+/// Channels that a run adds to the model it starts from, which says the same at first: more to learn with,
+/// nothing unlearnt. 0: as many as that model has.
+struct WidenOptions {
+  int num_channels = 0, feature_num_channels = 0, predict_head = 0;  ///< ModelConfig's, from then on
+};
+
 /// Fewer shapes than these are not divided unless it is asked for.
 inline constexpr std::size_t least_divided_shapes = 10;
 
@@ -69,14 +76,15 @@ struct TrainOptions {
   ModelConfig model = trainable_config();
   Mode mode = Mode::scale_exact;
   std::uint64_t seed = 0;  ///< of the initial weights and of the order and crops of the data
-  std::filesystem::path init =
-      {};  ///< a model to start from instead; then `model` and `mode` are that file's
+  /// A model to start from instead; then `model` and `mode` are that file's.
+  std::filesystem::path init = {};
+  WidenOptions widen = {};  ///< with `init` only
   /// The key points' logits are larger by this at the start: they spread instead of meeting at the centroid.
-  /// Without `init` only.
+  /// Of weights that `init` does not give.
   double key_logit_scale = 6;
   /// The projections that end the extractor's layers are this times as large at the start. Features that grow
   /// from layer to layer saturate its attention: gradients of 1e3 … 1e7, and most seeds learn nothing.
-  /// Without `init` only; 1: the official initialisation.
+  /// Of weights that `init` does not give; 1: the official initialisation.
   double feature_scale = 0.3;
   TrainLoss loss = TrainLoss::direct;
   std::size_t steps = 20'000;

@@ -2,6 +2,9 @@
 const float MATRIX_NORM_FLOOR = 1e-5;
 const float SPREAD_WEIGHT = 0.1, SPREAD_REACH = 0.1;
 const float DIRECT_ROTATION_WEIGHT = 2.7, DIRECT_SOFTENING = 1e-4;
+const float ROBUST_ROTATION_WEIGHT = 0.5, ROBUST_SOFTENING = 1e-3;
+// ops::LossKind's.
+const uint OFFICIAL_KIND = 0, ROBUST_KIND = 2;
 const float INVERSE_SQRT3 = 0.57735026918962576;
 
 // Columns of `R` are those of the matrix.

@@ -58,8 +58,23 @@ Terms official(const Eigen::Matrix<double, ops::pose_width, 1>& pose, const Trut
   return {rotation.squaredNorm() / 9, translation.squaredNorm() / 3};
 }
 
-Terms direct(const Eigen::Matrix<double, ops::piece_count, 1>& pieces, const TruthRow& row,
-             Eigen::Matrix<double, ops::piece_count, 1>* gradient) {
+// A term of the rotation's squared error, and its derivative.
+struct RotationTerm {
+  double value = 0, slope = 0;
+};
+
+RotationTerm rotation_term(ops::LossKind kind, double square) {
+  if (kind == ops::LossKind::direct) {
+    const double slope = ops::direct_rotation_weight / 9;
+    return {slope * square, slope};
+  }
+  const double root = std::sqrt(square + ops::robust_softening);
+  return {ops::robust_rotation_weight * root, ops::robust_rotation_weight / (2 * root)};
+}
+
+// The kinds that project nothing.
+Terms unprojected(ops::LossKind kind, const Eigen::Matrix<double, ops::piece_count, 1>& pieces,
+                  const TruthRow& row, Eigen::Matrix<double, ops::piece_count, 1>* gradient) {
   const Matrix3d r = Eigen::Map<const RowMatrix3>(pieces.data()).transpose();
   const Truth truth(row, r);
   const double length = r.norm(), norm = std::max(length, ops::matrix_norm_floor);
@@ -68,15 +83,16 @@ Terms direct(const Eigen::Matrix<double, ops::piece_count, 1>& pieces, const Tru
                  second = pieces.segment<3>(12) + pieces.segment<3>(18);
   const Vector3d off = second - truth.R * first - truth.t;
   const double distance = std::sqrt(off.squaredNorm() + ops::direct_softening);
+  const RotationTerm rotation = rotation_term(kind, error.squaredNorm());
   if (gradient) {
-    Matrix3d along = ops::direct_rotation_weight * 2 / 9 / norm * error;
+    Matrix3d along = 2 * rotation.slope / norm * error;
     if (length >= ops::matrix_norm_floor) along -= along.cwiseProduct(r).sum() / (norm * norm) * r;
     Eigen::Map<RowMatrix3>(gradient->data()) = along.transpose();
     const Vector3d pull = off / distance;
     gradient->segment<3>(9) = gradient->segment<3>(15) = -truth.R.transpose() * pull;
     gradient->segment<3>(12) = gradient->segment<3>(18) = pull;
   }
-  return {ops::direct_rotation_weight * error.squaredNorm() / 9, distance};
+  return {rotation.value, distance};
 }
 
 // Of one cloud; keys: 3 × K. The gradient is added to, of the keys' shape.
@@ -117,8 +133,13 @@ Terms pose_terms(const Arguments& args, std::uint32_t pair, Term term, double sh
 template <class T>
 Terms pose_terms(const Arguments& args, ops::LossKind kind, std::uint32_t pair, double share = 0,
                  T* to = nullptr) {
-  return kind == ops::LossKind::official ? pose_terms<T, ops::pose_width>(args, pair, official, share, to)
-                                         : pose_terms<T, ops::piece_count>(args, pair, direct, share, to);
+  if (kind == ops::LossKind::official) return pose_terms<T, ops::pose_width>(args, pair, official, share, to);
+  return pose_terms<T, ops::piece_count>(
+      args, pair,
+      [kind](const auto& pieces, const TruthRow& row, auto* gradient) {
+        return unprojected(kind, pieces, row, gradient);
+      },
+      share, to);
 }
 
 template <class T>

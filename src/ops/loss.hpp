@@ -3,11 +3,12 @@
 // pieces.
 //   official  mean((R_gt Rᵀ − 1)²),  mean((t_gt − t)²), through the projection (the paper's, eq. of §5)
 //   direct    2.7 · mean((r̂/max(|r̂|, 1e-5) − R_gt/√3)²),  √(|p₂ − R_gt p₁ − t_gt|² + 1e-4), nothing projected
-//   both      spread: −0.1 · Σ over both clouds of mean_{c,c'} min(|x_c − x_c'|₁, 0.1), all pairs of key
+//   robust    0.5 · √(|r̂/max(|r̂|, 1e-5) − R_gt/√3|² + 1e-3), and direct's translation
+//   all       spread: −0.1 · Σ over both clouds of mean_{c,c'} min(|x_c − x_c'|₁, 0.1), all pairs of key
 //   points
 // A shape that a turn about an axis maps to itself has many true poses: R_gt and t_gt are then the one
 // nearest to the estimate, R_gt S and t_gt + R_gt (c − S c), with the S that has the largest ⟨R or r̂, R_gt
-// S⟩. in  official: pose T[pairs, 16]; direct: pieces T[pairs, 21] in  truth T[pairs, 20]: R_gt (9,
+// S⟩. in  official: pose T[pairs, 16]; others: pieces T[pairs, 21] in  truth T[pairs, 20]: R_gt (9,
 // row-major), t_gt (3); in the source's frame the unit axis (3) and a point c on
 //     it (3); the smallest turn in radians (1), of which S is a multiple: 0 for any angle, 2π for none; 0 (1)
 // in  key points T[clouds·K, 3]
@@ -22,7 +23,7 @@
 
 namespace bitr::ops {
 
-enum class LossKind : std::uint8_t { official, direct };
+enum class LossKind : std::uint8_t { official, direct, robust };
 
 constexpr int truth_width = 20;
 constexpr int pose_numbers = 12;  ///< of the truth
@@ -32,6 +33,7 @@ constexpr std::array<double, truth_width - pose_numbers> no_symmetry = {
 constexpr int loss_terms = 3;
 constexpr double spread_weight = 0.1, spread_reach = 0.1;
 constexpr double direct_rotation_weight = 2.7, direct_softening = 1e-4;
+constexpr double robust_rotation_weight = 0.5, robust_softening = 1e-3;
 
 struct Loss {
   LossKind kind = LossKind::direct;

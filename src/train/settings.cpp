@@ -16,12 +16,14 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t most = 1'000'000'000;
+constexpr std::uint64_t most_channels = 256;
 
 template <class Value>
 using Words = std::vector<std::pair<const char*, Value>>;
 
 const Words<Mode> modes = {{"scale-exact", Mode::scale_exact}, {"reference", Mode::reference}};
-const Words<TrainLoss> losses = {{"direct", TrainLoss::direct}, {"official", TrainLoss::official}};
+const Words<TrainLoss> losses = {
+    {"direct", TrainLoss::direct}, {"robust", TrainLoss::robust}, {"official", TrainLoss::official}};
 const Words<ShapeSplit> splits = {
     {"auto", ShapeSplit::automatic}, {"shapes", ShapeSplit::shapes}, {"none", ShapeSplit::none}};
 Words<std::optional<Protocol>> protocol_words() {
@@ -53,6 +55,11 @@ void walk(Walker& w, TrainOptions& o) {
   w.word("mode", o.mode, modes);
   w.count("seed", o.seed, 0, std::numeric_limits<std::uint64_t>::max());
   w.path("init", o.init);
+  w.section("widen", [&] {
+    w.count("num_channels", o.widen.num_channels, 0, most_channels);
+    w.count("feature_num_channels", o.widen.feature_num_channels, 0, most_channels);
+    w.count("predict_head", o.widen.predict_head, 0, most_channels);
+  });
   w.number("key_logit_scale", o.key_logit_scale, 1e-3, 1e3);
   w.number("feature_scale", o.feature_scale, 1e-3, 1e3);
   w.word("loss", o.loss, losses);

@@ -19,6 +19,22 @@ std::filesystem::path TrainFiles::checkpoint() const { return with(model, ".chec
 std::filesystem::path TrainFiles::metrics() const { return with(model, ".metrics.jsonl"); }
 std::filesystem::path TrainFiles::curves() const { return with(model, ".curves.svg"); }
 
+namespace {
+
+ops::LossKind kind_of(TrainLoss loss) {
+  switch (loss) {
+    case TrainLoss::official:
+      return ops::LossKind::official;
+    case TrainLoss::robust:
+      return ops::LossKind::robust;
+    case TrainLoss::direct:
+      break;
+  }
+  return ops::LossKind::direct;
+}
+
+}  // namespace
+
 Result<TrainOptions> checkpoint_options(const std::filesystem::path& checkpoint) {
   return guarded([&]() -> Result<TrainOptions> {
     const auto bytes = io::read_file(checkpoint);
@@ -35,9 +51,7 @@ Result<TrainSummary> train_model(const Device& device, const TrainOptions& optio
     const auto make = [&](const model::Weights& weights) {
       // The official norms' eps does not fold.
       return train::make_differentiator(
-          device, weights,
-          {.loss = options.loss == TrainLoss::direct ? ops::LossKind::direct : ops::LossKind::official,
-           .as_defined = weights.mode == Mode::reference});
+          device, weights, {.loss = kind_of(options.loss), .as_defined = weights.mode == Mode::reference});
     };
     return train::run(device, options, files, resume, callbacks, make);
   });

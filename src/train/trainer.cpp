@@ -9,6 +9,7 @@
 #include "api/plan.hpp"
 #include "core/failure.hpp"
 #include "model/load.hpp"
+#include "model/widen.hpp"
 #include "train/flat.hpp"
 #include "train/schedule.hpp"
 
@@ -21,6 +22,15 @@ constexpr const char* key_logits = "feature_extract.key_layer.key_regress.projec
 
 bool ends_extractor_layer(const std::string& name) {
   return name.starts_with("feature_extract.Gblock.") && name.find(".project.") != std::string::npos;
+}
+
+model::Weights fresh_weights(const TrainOptions& options, const ModelConfig& config, Mode mode) {
+  value_or_throw(validate(config), "model: ");
+  model::Weights weights = model::initial_weights(config, options.seed, mode);
+  weights.parameters.at(key_logits) *= options.key_logit_scale;
+  for (auto& [name, matrix] : weights.parameters)
+    if (ends_extractor_layer(name)) matrix *= options.feature_scale;
+  return weights;
 }
 
 // Files that are only validated on are not divided.
@@ -53,17 +63,18 @@ std::string unusable(const DataSample& sample, std::size_t least) {
 }  // namespace
 
 model::Weights starting_weights(const TrainOptions& options) {
-  if (!options.init.empty()) {
-    model::Weights weights = value_or_throw(find_model(options.init.string())).weights();
-    weights.metadata.clear();
-    return weights;
-  }
-  value_or_throw(validate(options.model), "model: ");
-  model::Weights weights = model::initial_weights(options.model, options.seed, options.mode);
-  weights.parameters.at(key_logits) *= options.key_logit_scale;
-  for (auto& [name, matrix] : weights.parameters)
-    if (ends_extractor_layer(name)) matrix *= options.feature_scale;
-  return weights;
+  if (options.init.empty()) return fresh_weights(options, options.model, options.mode);
+  model::Weights weights = value_or_throw(find_model(options.init.string())).weights();
+  weights.metadata.clear();
+  ModelConfig config = weights.config;
+  const auto widen = [](int wider, int& channels) {
+    if (wider > 0) channels = wider;
+  };
+  widen(options.widen.num_channels, config.num_channels);
+  widen(options.widen.feature_num_channels, config.feature_num_channels);
+  widen(options.widen.predict_head, config.predict_head);
+  if (config == weights.config) return weights;
+  return value_or_throw(model::widen(weights, fresh_weights(options, config, weights.mode)), "widen.");
 }
 
 DataSet open_data(const TrainOptions& options, Split split, const std::vector<DataPart>& parts,

@@ -30,8 +30,8 @@ class LossKernel : public Kernel {
  public:
   LossKernel(const Site& site, const ops::Loss& op)
       : capabilities_(site.context.capabilities()),
-        pipeline_(site.context.pipeline(
-            shader, std::array{work_group, std::uint32_t{op.kind == ops::LossKind::official}})) {}
+        pipeline_(
+            site.context.pipeline(shader, std::array{work_group, static_cast<std::uint32_t>(op.kind)})) {}
 
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs(), keys = checked_keys(args.layout);
@@ -53,10 +53,10 @@ class LossGradient : public Kernel {
   LossGradient(const Site& site, const ops::Gradient<ops::Loss>& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
-        pipeline_(site.context.pipeline(
-            gradient_shader, std::array{tile_rows, std::uint32_t{op.op.kind == ops::LossKind::official},
-                                        std::uint32_t{op.wanted_at(estimate_input) >= 0},
-                                        std::uint32_t{op.wanted_at(keys_input) >= 0}})) {
+        pipeline_(site.context.pipeline(gradient_shader,
+                                        std::array{tile_rows, static_cast<std::uint32_t>(op.op.kind),
+                                                   std::uint32_t{op.wanted_at(estimate_input) >= 0},
+                                                   std::uint32_t{op.wanted_at(keys_input) >= 0}})) {
     if (op.wanted_at(truth_input) >= 0)
       throw Failure(ErrorCode::internal, "the loss's gradient with respect to the truth");
   }

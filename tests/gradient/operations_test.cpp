@@ -69,6 +69,8 @@ std::vector<Case> cases() {
   return all;
 }
 
+constexpr std::array kinds = {ops::LossKind::direct, ops::LossKind::robust, ops::LossKind::official};
+
 class EveryGradient : public testing::TestWithParam<Case> {
  protected:
   void SetUp() override {
@@ -80,7 +82,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
 
   void check(Mode mode, bool as_defined) {
     weights_.mode = mode;
-    for (const ops::LossKind kind : {ops::LossKind::direct, ops::LossKind::official}) {
+    for (const ops::LossKind kind : kinds) {
       const train::TrainingGraph training = train::training_graph(weights_, kind, as_defined);
       const graph::Graph& graph = training.result.graph;
       ASSERT_EQ(graph::check_executable(graph), "");
@@ -88,7 +90,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
       for (std::size_t i = training.made.nodes.size(); i < graph.nodes.size(); ++i) {
         const graph::Node& node = graph.nodes[i];
         SCOPED_TRACE(node.name);
-        // The other loss changes nothing for the rest.
+        // Another loss changes nothing for the rest.
         if (kind == ops::LossKind::direct || std::holds_alternative<ops::Gradient<ops::Loss>>(node.op) ||
             std::holds_alternative<ops::Gradient<ops::ProjectPose>>(node.op))
           std::visit([&](const auto& op) { check(op, node, graph); }, node.op);
@@ -312,7 +314,7 @@ TEST(EveryGradientTest, CoversEveryGradient) {
   std::set<std::size_t> met;
   for (const Case& c : cases())
     for (const bool as_defined : {true, false})
-      for (const ops::LossKind kind : {ops::LossKind::direct, ops::LossKind::official})
+      for (const ops::LossKind kind : kinds)
         for (const auto& node :
              train::training_graph(test::perturbed_weights(c.config, 3), kind, as_defined).result.graph.nodes)
           met.insert(node.op.index());

@@ -18,7 +18,9 @@ TEST(Settings, AllOfThemComeBackAsTheyWereWritten) {
   options.model.return_normals = false;
   options.mode = Mode::reference;
   options.seed = 18446744073709551615ull;
-  options.loss = TrainLoss::official;
+  options.init = "some model";
+  options.widen = {.num_channels = 8, .feature_num_channels = 12, .predict_head = 3};
+  options.loss = TrainLoss::robust;
   options.optimizer = {
       .lr = 1.25e-4, .beta1 = 0.5, .beta2 = 0.6, .eps = 1e-7, .clip_value = 1, .clip_norm = 0};
   options.schedule = {.warmup = 7, .floor = 0.1};

@@ -87,6 +87,22 @@ TEST(Trainer, ExtractorsProjectionsAreScaledAtTheStart) {
   EXPECT_THAT(names, testing::SizeIs(2 * (small_options().model.feature_num_layers + 1)));
 }
 
+TEST(Trainer, StartsFromAWidenedModel) {
+  TrainOptions options;
+  options.init = "aircraft";
+  const model::Weights narrow = starting_weights(options);
+  options.widen.feature_num_channels = 8;
+  const model::Weights wide = starting_weights(options);
+  EXPECT_EQ(wide.config.feature_num_channels, 8);
+  EXPECT_EQ(wide.config.num_channels, narrow.config.num_channels);
+  EXPECT_GT(flat_size(wide), flat_size(narrow));
+
+  options.widen.feature_num_channels = 3;
+  std::string message;
+  EXPECT_EQ(code_of([&] { starting_weights(options); }, &message), ErrorCode::invalid_argument);
+  EXPECT_THAT(message, HasSubstr("feature_num_channels"));
+}
+
 // A seed that learnt nothing at the official scale.
 TEST(Trainer, GradientsAtTheStartAreTame) {
   const Device device = cpu_device(2);

@@ -37,6 +37,7 @@ std::vector<Case> cases() {
   wide.re_convert_k = 33;
   using enum ops::LossKind;
   return {{"direct", {}, {{25, 333}, {300, 31}, {64, 65}}, direct},
+          {"robust", {}, {{25, 333}, {300, 31}, {64, 65}}, robust},
           {"official", {}, {{25, 333}, {300, 31}, {64, 65}}, official},
           {"trained", test::trained_model(), {{140, 97}, {97, 1100}}, direct},
           {"wide", wide, {{65, 70}}, direct},
