@@ -65,7 +65,7 @@ TEST(Settings, ErrorsNameFileKeyValueAndLimit) {
   EXPECT_EQ(error_of("{\"steps\": 1.5}"), "run.json: steps is 1.5, must be a whole number in 1 … 1000000000");
   EXPECT_EQ(error_of("{\"batch\": -1}"), "run.json: batch is -1, must be a whole number in 1 … 4096");
   EXPECT_EQ(error_of("{\"loss\": \"l1\"}"),
-            "run.json: loss is \"l1\", must be one of \"direct\", \"official\"");
+            "run.json: loss is \"l1\", must be one of \"direct\", \"robust\", \"official\"");
   EXPECT_EQ(error_of("{\"optimizer\": 3}"), "run.json: optimizer is 3, must be an object");
   EXPECT_EQ(error_of("{\"data\": {\"parts\": {}}}"),
             "run.json: data.parts is object, must be a list of objects");

@@ -91,16 +91,17 @@ TEST(Trainer, StartsFromAWidenedModel) {
   TrainOptions options;
   options.init = "aircraft";
   const model::Weights narrow = starting_weights(options);
-  options.widen.feature_num_channels = 8;
+  const int channels = 2 * narrow.config.feature_num_channels;
+  options.widen.feature_num_channels = channels;
   const model::Weights wide = starting_weights(options);
-  EXPECT_EQ(wide.config.feature_num_channels, 8);
+  EXPECT_EQ(wide.config.feature_num_channels, channels);
   EXPECT_EQ(wide.config.num_channels, narrow.config.num_channels);
   EXPECT_GT(flat_size(wide), flat_size(narrow));
 
-  options.widen.feature_num_channels = 3;
+  options.widen.feature_num_channels = 4;
   std::string message;
   EXPECT_EQ(code_of([&] { starting_weights(options); }, &message), ErrorCode::invalid_argument);
-  EXPECT_THAT(message, HasSubstr("feature_num_channels"));
+  EXPECT_THAT(message, HasSubstr("widen.feature_num_channels is 4, must be at least"));
 }
 
 // A seed that learnt nothing at the official scale.
