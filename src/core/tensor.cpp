@@ -139,13 +139,13 @@ Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<float>& va
 Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<double>& values) {
   return make(DType::f64, std::move(shape), values);
 }
+Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<std::int64_t>& values) {
+  return make(DType::i64, std::move(shape), values);
+}
 Tensor Tensor::half(std::vector<std::size_t> shape, const std::vector<float>& values) {
   std::vector<std::uint16_t> narrow(values.size());
   std::transform(values.begin(), values.end(), narrow.begin(), narrow_f16);
   return make(DType::f16, std::move(shape), narrow);
-}
-Tensor Tensor::from(std::vector<std::size_t> shape, const std::vector<std::int64_t>& values) {
-  return make(DType::i64, std::move(shape), values);
 }
 
 }  // namespace bitr

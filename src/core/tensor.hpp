@@ -28,9 +28,9 @@ struct Tensor {
 
   static Tensor from(std::vector<std::size_t> shape, const std::vector<float>& values);
   static Tensor from(std::vector<std::size_t> shape, const std::vector<double>& values);
+  static Tensor from(std::vector<std::size_t> shape, const std::vector<std::int64_t>& values);
   /// In 16 bits, each the nearest to its value (ties to even); infinite from 65520 on.
   static Tensor half(std::vector<std::size_t> shape, const std::vector<float>& values);
-  static Tensor from(std::vector<std::size_t> shape, const std::vector<std::int64_t>& values);
 };
 
 /// Tensors by name, with the file's free-form metadata.

@@ -105,8 +105,6 @@ class Widener {
   /// What becomes of a new row of a matrix: as it is, or made to give nothing.
   enum class Unread { kept, zero };
 
-  static bool skips(std::size_t in, std::size_t out) { return in == out; }
-
   /// Rows whose input is the same in both: copied to their places.
   void rows(const std::string& name, const Places& places) {
     const Eigen::MatrixXd& from = narrow_.at(name);
@@ -118,7 +116,7 @@ class Widener {
   void matrix(const std::string& name, const Places& in, const Places& out, bool may_skip, Unread unread) {
     Eigen::MatrixXd from = narrow_.at(name);
     Eigen::MatrixXd& to = wide_.at(name);
-    if (may_skip && skips(in.of.size(), out.of.size())) from.diagonal().array() += 1;
+    if (may_skip && in.of.size() == out.of.size()) from.diagonal().array() += 1;
     const std::set<int> placed(out.of.begin(), out.of.end());
     for (int r = 0; r < out.wide; ++r)
       if (unread == Unread::zero || placed.count(r)) {

@@ -110,7 +110,7 @@ class PairGradientKernel : public Kernel {
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
         kept_(site.kept),
         messages_(site, op_),
-        sum_lanes_(std::clamp(site.context.capabilities().subgroup_size, 8u, work_group)) {
+        sum_lanes_(std::clamp(capabilities_.subgroup_size, 8u, work_group)) {
     for (const ops::SectorTable& table : op_.tables)
       if (table.scale_degree == 0 && table.network->eps > 0)
         throw Failure(ErrorCode::unsupported, "models train in the scale-exact mode only");
@@ -456,9 +456,8 @@ class PairGradientKernel : public Kernel {
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                      // vec4s
   std::uint32_t coefficient_vectors_ = 0, feature_vectors_ = 0;  // vec4s of an edge
-  std::uint32_t sectors_ = 0,
-                sector_groups_ = 0;          // the shaders' limit of a table's sectors; as many as there are
-  std::uint32_t sum_lanes_, sum_units_ = 0;  // of a work group; work groups of a sector, of all tables
+  std::uint32_t sectors_ = 0, sector_groups_ = 0;  // of a table, at most: the shaders' limit; what there is
+  std::uint32_t sum_lanes_, sum_units_ = 0;        // of a work group; work groups of a sector, of all tables
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;
   ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;
