@@ -4,7 +4,7 @@
 #include <map>
 
 #include "commands.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "vk/device.hpp"
 
 namespace bitr::bench {
@@ -27,7 +27,7 @@ struct Operands {
   static Eigen::MatrixXf random() { return Eigen::MatrixXf::Random(product_size, product_size); }
 };
 
-Load product(cpu::ThreadPool& pool) {
+Load product(ThreadPool& pool) {
   const auto all = std::make_shared<std::vector<Operands>>(pool.threads());
   return {2.0 * product_size * product_size * product_size * pool.threads(), [&pool, all] {
             const auto start = Clock::now();
@@ -38,7 +38,7 @@ Load product(cpu::ThreadPool& pool) {
           }};
 }
 
-Load copy(cpu::ThreadPool& pool) {
+Load copy(ThreadPool& pool) {
   const auto from = std::make_shared<std::vector<char>>(copied_bytes, 1);
   const auto to = std::make_shared<std::vector<char>>(copied_bytes, 0);
   return {2.0 * copied_bytes, [&pool, from, to] {

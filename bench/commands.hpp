@@ -12,7 +12,7 @@ class Commands {
     buffer_ = queue_.buffers(1).front();
     queue_.begin(buffer_);
     recorder_.bind(schedule);
-    recorder_.record(buffer_, schedule, 0, schedule.works().size(), {});
+    recorder_.record(buffer_, schedule, 0, schedule.dispatches().size(), {});
     queue_.end(buffer_);
     run();
   }

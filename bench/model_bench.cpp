@@ -43,7 +43,7 @@ void measure(benchmark::State& state, const Run& run, const Device& device, Size
   // them.
   const graph::BatchLayout layout(std::vector(2 * size.pairs, size.points),
                                   static_cast<std::uint32_t>(model.config().num_key_points));
-  const Work work = work_of(model::fold(model::build_graph(model.weights(), model.mode())), layout);
+  const Estimate work = estimate_of(model::fold(model::build_graph(model.weights(), model.mode())), layout);
   report_rates(state, device, work.flops, work.bytes);
 }
 

@@ -30,7 +30,7 @@ Graph folded_graph(const ModelConfig& config) {
       model::build_graph(model::initial_weights(config, 1, Mode::scale_exact), Mode::scale_exact));
 }
 
-bool is_index(const TensorInfo& info) { return info.kind == graph::Kind::index; }
+bool is_index(const TensorInfo& info) { return info.kind == graph::ElementKind::index; }
 
 // The last one is kept: benchmarks of one size follow each other.
 Scene& scene_of(const Graph& graph, std::uint32_t key_points, Size size) {
@@ -113,7 +113,7 @@ class VulkanNode {
 // Bytes of the shaders that the node starts. What it records is data: no buffer is needed to look at it.
 std::size_t spirv_bytes(const vk::Context& context, const Graph& graph, const BatchLayout& layout) {
   const Node& node = graph.nodes.front();
-  vk::Site site{context, {}, {}, layout};
+  vk::KernelContext site{context, {}, {}, layout};
   std::vector<vk::Slot> in, out;
   const auto add = [&](TensorId id, std::vector<TensorInfo>& infos, std::vector<vk::Slot>& slots) {
     const TensorInfo& info = graph.tensors[id];
@@ -146,7 +146,7 @@ std::size_t spirv_bytes(const vk::Context& context, const Graph& graph, const Ba
                   in,
                   out});
   std::set<const vk::Shader*> shaders;
-  for (const vk::Work& work : schedule.works())
+  for (const vk::Dispatch& work : schedule.dispatches())
     if (work.pipeline) shaders.insert(work.pipeline->shader);
   std::size_t bytes = 0;
   for (const vk::Shader* shader : shaders) bytes += shader->spirv.size_bytes();
@@ -216,8 +216,8 @@ bool add(OpBench bench) {
   return true;
 }
 
-Work work_of(const Graph& graph, const BatchLayout& layout) {
-  Work work;
+Estimate estimate_of(const Graph& graph, const BatchLayout& layout) {
+  Estimate work;
   for (const Node& node : graph.nodes) {
     const Job job{graph, node, layout};
     work.bytes += job.bytes();

@@ -45,10 +45,10 @@ OpBench op_bench(const char* name, Flops flops) {
 }
 
 /// Floating-point operations and bytes of all nodes; 0 for those of no bench.
-struct Work {
+struct Estimate {
   double flops = 0, bytes = 0;
 };
-Work work_of(const graph::Graph& graph, const graph::BatchLayout& layout);
+Estimate estimate_of(const graph::Graph& graph, const graph::BatchLayout& layout);
 
 /// Per channel: its plane 2·m·dim, two dot products 4·dim, root and quotient 2, blending 4·dim.
 constexpr double projected_relu_flops(int m, int dim) { return m * (2.0 * m * dim + 8.0 * dim + 2.0); }

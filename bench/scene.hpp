@@ -44,7 +44,7 @@ class Scene {
       network_->prepare(layout_);
       for (const graph::TensorId input : {graph_.positions, graph_.normals})
         if (input != graph::no_tensor) std::ranges::copy(real(input), network_->data(input));
-      cpu::ThreadPool pool;
+      ThreadPool pool;
       network_->run(pool);
     }
     const graph::TensorInfo& info = graph_.tensors[id];

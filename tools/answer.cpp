@@ -4,7 +4,7 @@
 
 #include "api/plan.hpp"
 #include "core/centroid.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "options.hpp"
 
 namespace bitr::tool {

@@ -23,7 +23,7 @@ namespace {
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
   bool verify = false;
-  ModelOptions model;
+  ModelChoice model;
   CloudOptions clouds;
   AnswerChoice answer;
   RunOptions run;

@@ -41,7 +41,7 @@ struct Shard {
 
 struct Options {
   std::string manifest, folder;
-  ModelOptions model;
+  ModelChoice model;
   bool resume = false, assembled = false;
   std::uint64_t pairs = 16;
   Shard shard;

@@ -34,7 +34,7 @@ bool too_few_points(const CloudInput& input, const Model& model) {
   return known && input.used.size() < known->low;
 }
 
-void add_model_options(CLI::App& app, ModelOptions& options, std::optional<Mode>& mode) {
+void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode) {
   auto* model = add_model(app, options.model, "unless given, the first of them");
   app.add_flag("--complete-match", options.complete_match,
                "For a reference that is a moved copy of the source; needs no trained model");
@@ -44,7 +44,7 @@ void add_model_options(CLI::App& app, ModelOptions& options, std::optional<Mode>
            "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
 }
 
-Result<Model> choose_model(const ModelOptions& options) {
+Result<Model> choose_model(const ModelChoice& options) {
   if (!options.model.empty()) return find_model(options.model);
   return options.complete_match ? untrained_model({}, options.seed)
                                 : shipped_model(shipped_models().front().name);

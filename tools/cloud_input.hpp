@@ -31,15 +31,15 @@ void choose_points(CloudInput& input, const CloudOptions& options, const Model& 
 /// Whether the model was trained on larger clouds.
 bool too_few_points(const CloudInput& input, const Model& model);
 
-struct ModelOptions {
+struct ModelChoice {
   std::string model;
   bool complete_match = false;
   std::uint64_t seed = 0;  ///< of untrained weights
 };
 /// --model, --complete-match, --model-seed, and --mode into `mode`.
-void add_model_options(CLI::App& app, ModelOptions& options, std::optional<Mode>& mode);
+void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode);
 /// The one named; with complete matching untrained weights; else the first that ships, which cannot read
 /// every cloud (ModelConfig). Errors as of find_model.
-Result<Model> choose_model(const ModelOptions& options);
+Result<Model> choose_model(const ModelChoice& options);
 
 }  // namespace bitr::tool

@@ -10,7 +10,7 @@
 #include "answer.hpp"
 #include "command.hpp"
 #include "core/finite.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "device_choice.hpp"
 #include "eval_methods.hpp"
 #include "eval_page.hpp"
@@ -69,15 +69,15 @@ double usual_keep(Protocol protocol, double share) {
 }
 
 /// The kind's own way to make pairs; files are cropped.
-Result<generate::Way> way_of(const Options& options) {
+Result<generate::PairOrigin> origin_of(const Options& options) {
   const int given = !options.kind.empty() + !options.folder.empty() + !options.pairs.empty();
   if (given != 1)
     return wrong(given == 0 ? "eval: nothing to evaluate on; give --kind, --data or --pairs"
                             : "--kind, --data and --pairs: give one of them");
-  if (options.kind.empty()) return generate::Way::cropped;
+  if (options.kind.empty()) return generate::PairOrigin::cropped;
   const auto kind = generate::kind_named(options.kind);
   if (!kind) return tl::unexpected(kind.error());
-  return (*kind)->way;
+  return (*kind)->origin;
 }
 
 /// Pairs are as they are: only how many of their points are used may vary.
@@ -91,17 +91,17 @@ Result<std::vector<Setting>> settings_of_pairs(Options& options) {
 
 /// Every share at every number of points. Fills in what was not given.
 Result<std::vector<Setting>> choose_settings(Options& options) {
-  const auto way = way_of(options);
-  if (!way) return tl::unexpected(way.error());
+  const auto origin = origin_of(options);
+  if (!origin) return tl::unexpected(origin.error());
   if (!options.pairs.empty()) return settings_of_pairs(options);
-  if (!options.protocol && *way == generate::Way::cropped) options.protocol = Protocol::opposed;
+  if (!options.protocol && *origin == generate::PairOrigin::cropped) options.protocol = Protocol::opposed;
   if (!options.protocol && !options.shares.empty()) return wrong("--share needs a --protocol");
   if (options.shares.empty()) options.shares = {0.7};
   if (options.points.empty()) options.points = {1024};
   std::vector<Setting> settings;
   for (const std::uint64_t points : options.points) {
     if (!options.protocol) {
-      const bool copied = *way == generate::Way::copied;
+      const bool copied = *origin == generate::PairOrigin::copied;
       settings.push_back({copied ? "copy" : "break", {}, options.keep.value_or(copied ? 0.8 : seam), points});
       continue;
     }
@@ -365,7 +365,7 @@ int run(Options& options) {
     data.emplace_back(std::move(*opened));
   }
   const bool network = std::any_of(methods->begin(), methods->end(),
-                                   [](const Method& method) { return method.way == Way::network; });
+                                   [](const Method& method) { return method.kind == MethodKind::network; });
   const auto device = open_device(options.device, !network);
   if (!device) return complain(device.error());
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/finite.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "options.hpp"
 #include "refine/icp.hpp"
 #include "refine/principal_axes.hpp"
@@ -16,14 +16,14 @@ namespace {
 
 Result<Method> control_named(const std::string& name) {
   if (name == "identity") return Method{.name = name};
-  if (name == "pca-icp") return Method{.name = name, .way = Way::principal_axes};
+  if (name == "pca-icp") return Method{.name = name, .kind = MethodKind::principal_axes};
   if (name != "complete-match")
     return fail(ErrorCode::invalid_argument, "--methods: \"" + name + "\" is not one of " +
                                                  std::string(control_names) +
                                                  ", with or without +icp, +ot or +trimmed-icp");
   auto model = untrained_model();
   if (!model) return tl::unexpected(model.error());
-  return Method{.name = name, .way = Way::network, .model = std::move(*model)};
+  return Method{.name = name, .kind = MethodKind::network, .model = std::move(*model)};
 }
 
 Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods) {
@@ -40,7 +40,7 @@ Result<void> add_models(const MethodChoice& choice, std::vector<Method>& methods
     for (const Method& other : methods)
       if (other.file == file) return fail(ErrorCode::invalid_argument, file + ": is given twice");
     methods.push_back({.name = shown,
-                       .way = Way::network,
+                       .kind = MethodKind::network,
                        .plain = true,
                        .refined = choice.refined,
                        .file = file,
@@ -124,12 +124,12 @@ std::vector<CloudPair> pairs_of(std::span<const DataSample> batch) {
 }
 
 Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how) {
-  switch (method.way) {
-    case Way::identity:
+  switch (method.kind) {
+    case MethodKind::identity:
       return Estimate{std::vector<Pose>(batch.size())};
-    case Way::network:
+    case MethodKind::network:
       return run_network(method, batch, how);
-    case Way::principal_axes:
+    case MethodKind::principal_axes:
       break;
   }
   return Estimate{for_each_sample(batch, how.device, [&](std::size_t i) {

@@ -12,7 +12,7 @@
 
 namespace bitr::tool {
 
-enum class Way { identity, principal_axes, network };
+enum class MethodKind { identity, principal_axes, network };
 
 /// What may follow a method, in a row "name+suffix" of its own.
 enum class Follow { icp, ot, trimmed_icp };
@@ -26,7 +26,7 @@ std::string_view name(Follow follow);
 
 struct Method {
   std::string name;
-  Way way = Way::identity;
+  MethodKind kind = MethodKind::identity;
   bool plain = false;                ///< a row of its poses
   std::vector<Follow> refined = {};  ///< a row each, of its poses after that
 

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "command.hpp"
-#include "data/part.hpp"
+#include "data_sets/part.hpp"
 #include "options.hpp"
 #include "output.hpp"
 

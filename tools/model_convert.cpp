@@ -13,7 +13,7 @@ namespace {
 
 struct Options {
   std::string input, output;
-  ModelOptions model;
+  ModelChoice model;
   bool half = false;
 };
 

@@ -11,9 +11,7 @@
 
 namespace bitr {
 
-namespace cpu {
 class ThreadPool;
-}
 namespace vk {
 class Context;
 }
@@ -42,13 +40,13 @@ class Device {
   /// What the validation layers complained about so far, if DeviceOptions asked for them.
   std::vector<std::string> validation_messages() const;
 
-  explicit Device(std::shared_ptr<cpu::ThreadPool> pool, std::shared_ptr<vk::Context> context = nullptr)
+  explicit Device(std::shared_ptr<ThreadPool> pool, std::shared_ptr<vk::Context> context = nullptr)
       : pool_(std::move(pool)), context_(std::move(context)) {}
-  cpu::ThreadPool& pool() const { return *pool_; }
+  ThreadPool& pool() const { return *pool_; }
   const std::shared_ptr<vk::Context>& context() const { return context_; }  ///< null on the CPU
 
  private:
-  std::shared_ptr<cpu::ThreadPool> pool_;
+  std::shared_ptr<ThreadPool> pool_;
   std::shared_ptr<vk::Context> context_;
 };
 

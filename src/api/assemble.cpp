@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "core/finite.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 namespace {

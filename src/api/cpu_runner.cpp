@@ -9,7 +9,7 @@ class CpuRunner : public Runner {
  public:
   CpuRunner(graph::Graph graph, bool retain) : executor_(std::move(graph), retain) {}
 
-  void run(const PackedBatch& batch, cpu::ThreadPool& pool) override {
+  void run(const PackedBatch& batch, ThreadPool& pool) override {
     executor_.prepare(batch.layout);
     fill_inputs(batch, executor_.graph(), 3, [&](graph::TensorId id) { return executor_.data(id); });
     executor_.run(pool);

@@ -1,8 +1,8 @@
 #include <bitr/device.hpp>
 #include <fstream>
 
-#include "api/guarded.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/guarded.hpp"
+#include "core/thread_pool.hpp"
 #include "vk/device.hpp"
 
 namespace bitr {
@@ -75,7 +75,7 @@ std::vector<std::string> Device::validation_messages() const {
   return context_ ? context_->validation_messages() : std::vector<std::string>();
 }
 
-Device cpu_device(unsigned threads) { return Device(std::make_shared<cpu::ThreadPool>(threads)); }
+Device cpu_device(unsigned threads) { return Device(std::make_shared<ThreadPool>(threads)); }
 
 Result<std::vector<DeviceInfo>> enumerate_devices() {
   auto devices = guarded([]() -> Result<std::vector<DeviceInfo>> {
@@ -95,7 +95,7 @@ Result<Device> create_device(const DeviceOptions& options) {
                       .validate_synchronization = options.validation == Validation::synchronization,
                       .validate_on_gpu = options.validation == Validation::gpu_assisted,
                       .pipeline_cache = options.pipeline_cache});
-    return Device(std::make_shared<cpu::ThreadPool>(options.threads), std::move(context));
+    return Device(std::make_shared<ThreadPool>(options.threads), std::move(context));
   });
 }
 

@@ -5,7 +5,7 @@
 
 #include "api/plan.hpp"
 #include "core/point_tree.hpp"
-#include "refine/spacing.hpp"
+#include "core/spacing.hpp"
 
 namespace bitr {
 namespace {
@@ -27,14 +27,14 @@ double diagonal(const Vec3View& points) {
   return std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]);
 }
 
-void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu::ThreadPool& pool,
+void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, ThreadPool& pool,
                      Diagnostics& diagnostics) {
   const std::vector<Vec3d> source = points_of(pair.source.positions),
                            reference = points_of(pair.reference.positions);
   const PointRows source_rows{source}, reference_rows{reference};
   const PointTree source_tree(3, source_rows, {10}), reference_tree(3, reference_rows, {10});
-  const double threshold = spacing_factor * std::max(refine::median_spacing(source_tree, source),
-                                                     refine::median_spacing(reference_tree, reference));
+  const double threshold = spacing_factor * std::max(median_spacing(source_tree, source),
+                                                     median_spacing(reference_tree, reference));
 
   // Per point, then summed in order: the same for any number of threads.
   std::vector<double> squared(source.size());

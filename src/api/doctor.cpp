@@ -1,6 +1,6 @@
 #include "api/doctor.hpp"
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 

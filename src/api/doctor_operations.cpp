@@ -34,7 +34,7 @@ struct Values {
 struct Alone {
   graph::Graph graph;
   const graph::Node& node() const { return graph.nodes.front(); }
-  bool index(graph::TensorId id) const { return graph.tensors[id].kind == graph::Kind::index; }
+  bool index(graph::TensorId id) const { return graph.tensors[id].kind == graph::ElementKind::index; }
 };
 
 Alone alone(const graph::Graph& whole, const graph::Node& node) {
@@ -59,7 +59,7 @@ std::size_t numbers_of(const graph::TensorInfo& info, const graph::BatchLayout& 
 
 template <class T>
 std::vector<Values> run_on_cpu(const Alone& one, const graph::BatchLayout& layout,
-                               const std::vector<Values>& inputs, cpu::ThreadPool& pool) {
+                               const std::vector<Values>& inputs, ThreadPool& pool) {
   cpu::Executor<T> executor(one.graph, true);
   executor.prepare(layout);
   for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -197,7 +197,7 @@ class Operations {
     const graph::TensorInfo& info = truth_.graph().tensors[id];
     const std::size_t count = numbers_of(info, layout_);
     Values values;
-    if (info.kind == graph::Kind::index) {
+    if (info.kind == graph::ElementKind::index) {
       const auto* data = truth_.data<std::uint32_t>(id);
       values.indices.assign(data, data + count);
     } else {

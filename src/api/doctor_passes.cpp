@@ -4,8 +4,8 @@
 #include <numeric>
 
 #include "api/doctor.hpp"
-#include "api/guarded.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "core/random.hpp"
 
 namespace bitr {

@@ -3,8 +3,8 @@
 #include <limits>
 #include <string>
 
-#include "api/guarded.hpp"
 #include "api/kernel_runner.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 
@@ -24,7 +24,7 @@ std::size_t KeptKernel::workspace_bytes() const { return impl_->workspace_bytes(
 
 namespace {
 
-using graph::Kind;
+using graph::ElementKind;
 using graph::Rows;
 using Index = std::span<const std::uint32_t>;
 
@@ -69,12 +69,12 @@ void check_index(Index index, std::size_t rows) {
 // Inputs are added in the order in which a run gets them, then the result.
 graph::TensorId add(graph::Graph& graph, const char* name, Rows rows, int per_row, int width) {
   return graph.add(
-      {.name = name, .rows = rows, .per_row = per_row, .width = width, .kind = Kind::real, .fiber = {}});
+      {.name = name, .rows = rows, .per_row = per_row, .width = width, .kind = ElementKind::real, .fiber = {}});
 }
 
 graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
   return graph.add(
-      {.name = "index", .rows = rows, .per_row = k, .width = 1, .kind = Kind::index, .fiber = {}});
+      {.name = "index", .rows = rows, .per_row = k, .width = 1, .kind = ElementKind::index, .fiber = {}});
 }
 
 graph::Graph finished(graph::Graph graph, ops::Op op, std::vector<graph::TensorId> inputs,

@@ -2,7 +2,7 @@
 #include <bitr/model.hpp>
 #include <charconv>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "io/safetensors.hpp"
 #include "io/torch_checkpoint.hpp"
 #include "model/load.hpp"

@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "model/build.hpp"
 #include "model/weights.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "api/pack.hpp"
 #include "api/runner.hpp"
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 
 namespace bitr {
 
@@ -41,7 +41,7 @@ struct Plan::Impl {
 };
 
 /// Overlap and inliers at the found pose.
-void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, cpu::ThreadPool& pool,
+void measure_overlap(const CloudPair& pair, const Pose& T_reference_source, ThreadPool& pool,
                      Diagnostics& diagnostics);
 
 /// Length of the bounding box's diagonal.

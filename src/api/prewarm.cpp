@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 namespace {

@@ -15,7 +15,7 @@ class Executor;
 class Runner {
  public:
   virtual ~Runner() = default;
-  virtual void run(const PackedBatch& batch, cpu::ThreadPool& pool) = 0;
+  virtual void run(const PackedBatch& batch, ThreadPool& pool) = 0;
   virtual std::vector<double> tensor(graph::TensorId id) const = 0;
   virtual std::vector<std::uint32_t> indices(graph::TensorId id) const = 0;
   virtual const graph::Graph& graph() const = 0;

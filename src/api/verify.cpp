@@ -2,8 +2,8 @@
 #include <cmath>
 #include <set>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 namespace {
@@ -50,7 +50,7 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
     const auto id = static_cast<graph::TensorId>(i);
     const graph::TensorId other = truth->graph().find(tensors[i].name);
     if (other == graph::no_tensor || given.count(id)) continue;
-    if (tensors[i].kind == graph::Kind::index) {
+    if (tensors[i].kind == graph::ElementKind::index) {
       // Neighbours: the share of the list that differs.
       const auto a = tested->indices(id), b = truth->indices(other);
       std::size_t wrong = 0;

@@ -1,8 +1,8 @@
 #include <bitr/vulkan.hpp>
 #include <numeric>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
+#include "core/guarded.hpp"
 #include "vk/executor.hpp"
 
 namespace bitr::vk {
@@ -79,7 +79,7 @@ Result<Device> adopt(const AdoptInfo& info) {
     auto context = std::make_shared<Context>(HostDevice{
         info.get_instance_proc_addr, info.instance, info.physical_device, info.device, info.queue,
         info.queue_family, info.pipeline_cache, info.allocation, info.lock_queue, info.unlock_queue});
-    return Device(std::make_shared<cpu::ThreadPool>(info.threads), std::move(context));
+    return Device(std::make_shared<ThreadPool>(info.threads), std::move(context));
   });
 }
 

@@ -10,7 +10,7 @@ class VulkanRunner : public Runner {
                bool retain)
       : executor_(std::move(context), std::move(graph), capacity, {.retain = retain}) {}
 
-  void run(const PackedBatch& batch, cpu::ThreadPool&) override {
+  void run(const PackedBatch& batch, ThreadPool&) override {
     executor_.prepare(batch.layout);
     fill_inputs(batch, executor_.graph(), vk::padded(3),
                 [&](graph::TensorId id) { return executor_.input(id); });

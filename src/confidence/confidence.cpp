@@ -1,10 +1,10 @@
 #include <bitr/confidence.hpp>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "confidence/calibration.hpp"
 #include "confidence/evidence.hpp"
 #include "core/finite.hpp"
+#include "core/guarded.hpp"
 #include "refine/surface.hpp"
 
 namespace bitr {

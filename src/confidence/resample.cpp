@@ -4,11 +4,11 @@
 #include <cmath>
 #include <tuple>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "confidence/answers.hpp"
 #include "core/centroid.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "core/select_rows.hpp"
 
 namespace bitr {

@@ -1,4 +1,4 @@
-// An Error on its way to the public API, which turns it into a Result (api/guarded.hpp).
+// An Error on its way to the public API, which turns it into a Result (core/guarded.hpp).
 #pragma once
 
 #include <bitr/result.hpp>

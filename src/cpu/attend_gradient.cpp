@@ -26,7 +26,8 @@ class AttendGradient : public Kernel<T> {
       std::vector<T> logits;
       for (std::size_t row = begin; row < end; ++row) {
         for (int i = 0; i < op_.inputs; ++i)
-          if (slots.wanted(i)) std::fill_n(row_of(slots.wanted(i), row), slots.wanted(i)->stride(), T{0});
+          if (slots.grad_input(i))
+            std::fill_n(row_of(slots.grad_input(i), row), slots.grad_input(i)->stride(), T{0});
         logits_gradient(slots, row, logits);
         if (op_.inputs > query_input) score_gradient(slots, row, logits);
       }
@@ -42,29 +43,30 @@ class AttendGradient : public Kernel<T> {
   void logits_gradient(const GradientSlots<ops::Attend>& slots, std::size_t row,
                        std::vector<T>& logits) const {
     const int heads = op_.op.heads, k = slots.out(weights_output).per_row;
-    const T *weights = row_of(&slots.out(weights_output), row), *sum = row_of(slots.given(sum_output), row);
+    const T *weights = row_of(&slots.out(weights_output), row),
+            *sum = row_of(slots.grad_output(sum_output), row);
     logits.assign(k * heads, T{0});
-    if (const T* given = row_of(slots.given(weights_output), row))
-      std::copy_n(given, k * heads, logits.data());
+    if (const T* grad_output = row_of(slots.grad_output(weights_output), row))
+      std::copy_n(grad_output, k * heads, logits.data());
     if (sum) {
       const T* values = row_of(&slots.in(values_input), row);
-      T* wanted = row_of(slots.wanted(values_input), row);
+      T* grad_input = row_of(slots.grad_input(values_input), row);
       const int width = slots.in(values_input).width;
       for (int j = 0; j < k; ++j)
         for (const HeadRun& run : values_)
           for (int i = 0; i < run.length; ++i) {
             const int at = j * width + run.from + i;
             logits[j * heads + run.head] += values[at] * sum[run.to + i];
-            if (wanted) wanted[at] = weights[j * heads + run.head] * sum[run.to + i];
+            if (grad_input) grad_input[at] = weights[j * heads + run.head] * sum[run.to + i];
           }
     }
-    const T* given = row_of(slots.given(logits_output), row);
+    const T* grad_output = row_of(slots.grad_output(logits_output), row);
     for (int h = 0; h < heads; ++h) {
       T mean = 0;
       for (int j = 0; j < k; ++j) mean += weights[j * heads + h] * logits[j * heads + h];
       for (int j = 0; j < k; ++j) {
         T& logit = logits[j * heads + h];
-        logit = weights[j * heads + h] * (logit - mean) + (given ? given[j * heads + h] : 0);
+        logit = weights[j * heads + h] * (logit - mean) + (grad_output ? grad_output[j * heads + h] : 0);
       }
     }
   }
@@ -73,7 +75,8 @@ class AttendGradient : public Kernel<T> {
                       const std::vector<T>& logits) const {
     const int heads = op_.op.heads, k = slots.out(logits_output).per_row, width = slots.in(keys_input).width;
     const T *keys = row_of(&slots.in(keys_input), row), *query = row_of(&slots.in(query_input), row);
-    T *to_keys = row_of(slots.wanted(keys_input), row), *to_query = row_of(slots.wanted(query_input), row);
+    T *to_keys = row_of(slots.grad_input(keys_input), row),
+      *to_query = row_of(slots.grad_input(query_input), row);
     for (int j = 0; j < k; ++j)
       for (const HeadRun& run : keys_) {
         const T logit = logits[j * heads + run.head] * scale_;

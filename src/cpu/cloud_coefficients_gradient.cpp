@@ -73,10 +73,10 @@ class CloudCoefficientsGradient : public Kernel<T> {
         Eigen::Map<const RowMatrix<double>>(mean.data() + c0, c1, 3).transpose();
     constant.segment(c0, extra) = scalars;
 
-    const T* given = slots.given(0)->as<T>() + cloud * slots.given(0)->stride();
-    const auto take = [&given](int rows, int cols) {
-      const MatrixXd block = Eigen::Map<const RowMatrix<T>>(given, rows, cols).template cast<double>();
-      given += rows * cols;
+    const T* grad_output = slots.grad_output(0)->as<T>() + cloud * slots.grad_output(0)->stride();
+    const auto take = [&grad_output](int rows, int cols) {
+      const MatrixXd block = Eigen::Map<const RowMatrix<T>>(grad_output, rows, cols).template cast<double>();
+      grad_output += rows * cols;
       return block;
     };
     const MatrixXd gM = take(heads * n, z), gO = take(layer.m0, heads * n), gS = take(layer.m0, z),
@@ -120,12 +120,12 @@ class CloudCoefficientsGradient : public Kernel<T> {
     const auto both = [&](int begin, int size) {
       return VectorXd(own.scalars.segment(begin, size) + other.scalars.segment(begin + size, size));
     };
-    if (const Slot* slot = slots.wanted(0)) {
+    if (const Slot* slot = slots.grad_input(0)) {
       T* to = slot->as<T>() + cloud * slot->stride();
       Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(to, c0) = both(2 * globals, c0).template cast<T>();
       Eigen::Map<RowMatrix<T>>(to + c0, c1, 3) = own.vectors.template cast<T>();
     }
-    if (const Slot* slot = slots.wanted(1))
+    if (const Slot* slot = slots.grad_input(1))
       Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(slot->as<T>() + cloud * slot->stride(), globals) =
           both(0, globals).template cast<T>();
   }

@@ -13,28 +13,28 @@ class CloudSoftmaxGradient : public Kernel<T> {
 
   void run(const Arguments& args) const override {
     const GradientSlots<ops::CloudSoftmax> slots{op_, args};
-    const Slot *given = slots.given(0), *wanted = slots.wanted(0);
-    if (!wanted) return;
+    const Slot *grad_output = slots.grad_output(0), *grad_input = slots.grad_input(0);
+    if (!grad_input) return;
     const auto chunks = cloud_chunks(args.layout);
     // Σ w g of every chunk, then of its cloud.
     Eigen::ArrayXXd parts = Eigen::ArrayXXd::Zero(channels_, chunks.size());
     Eigen::ArrayXXd means = Eigen::ArrayXXd::Zero(channels_, args.layout.clouds());
-    if (given) {
+    if (grad_output) {
       args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
         for (std::size_t i = first; i < last; ++i)
           for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row)
-            parts.col(i) += load(slots.out(0), row) * load(*given, row);
+            parts.col(i) += load(slots.out(0), row) * load(*grad_output, row);
       });
       for (std::size_t i = 0; i < chunks.size(); ++i) means.col(chunks[i].cloud) += parts.col(i);
     }
     args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i)
         for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row) {
-          T* to = wanted->as<T>() + row * wanted->stride();
-          std::fill_n(to, wanted->stride(), T{0});
-          if (given)
+          T* to = grad_input->as<T>() + row * grad_input->stride();
+          std::fill_n(to, grad_input->stride(), T{0});
+          if (grad_output)
             Eigen::Map<Eigen::Array<T, Eigen::Dynamic, 1>>(to, channels_) =
-                (load(slots.out(0), row) * (load(*given, row) - means.col(chunks[i].cloud)))
+                (load(slots.out(0), row) * (load(*grad_output, row) - means.col(chunks[i].cloud)))
                     .template cast<T>();
         }
     });

@@ -13,16 +13,17 @@ class CloudSumGradient : public Kernel<T> {
   void run(const Arguments& args) const override {
     const GradientSlots<ops::CloudSum> slots{op_, args};
     const Slot &weights = slots.in(0), &values = slots.in(1);
-    const Slot *given = slots.given(0), *to_weights = slots.wanted(0), *to_values = slots.wanted(1);
+    const Slot *grad_output = slots.grad_output(0), *to_weights = slots.grad_input(0),
+               *to_values = slots.grad_input(1);
     const int channels = op_.op.channels, skip = op_.op.skip, width = slots.out(0).width;
     const auto chunks = cloud_chunks(args.layout);
     args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
         RowMatrix<double> sums = RowMatrix<double>::Zero(channels, width);
-        if (given)
-          sums =
-              Eigen::Map<const RowMatrix<T>>(given->as<T>() + chunks[i].cloud * sums.size(), channels, width)
-                  .template cast<double>();
+        if (grad_output)
+          sums = Eigen::Map<const RowMatrix<T>>(grad_output->as<T>() + chunks[i].cloud * sums.size(),
+                                                channels, width)
+                     .template cast<double>();
         for (std::size_t row = chunks[i].begin; row < chunks[i].end; ++row) {
           if (to_weights)
             vector(*to_weights, row, 0, channels) =

@@ -36,7 +36,7 @@ class ConvolveGradient : public Kernel<T> {
     const GradientSlots<ops::Convolve> slots{op_, args};
     const Slot &index = slots.in(index_input), &features = slots.in(features_input);
     const std::size_t rows = args.rows(index), k = index.per_row;
-    std::vector<T> edges(slots.wanted(features_input) ? rows * k * features.stride() : 0);
+    std::vector<T> edges(slots.grad_input(features_input) ? rows * k * features.stride() : 0);
     const auto body = [&](std::size_t begin, std::size_t end, ops::Convolve& constants) {
       constexpr std::size_t at_once = 8;
       for (std::size_t row = begin; row < end; row += at_once)
@@ -44,7 +44,8 @@ class ConvolveGradient : public Kernel<T> {
     };
     ops::Convolve constants = sum_constants(args, op_.op, rows, at_least, body);
     store_constants<T>(slots.constants(), constants);
-    if (const Slot* to = slots.wanted(features_input)) scatter_to_neighbours(args, index, edges.data(), *to);
+    if (const Slot* to = slots.grad_input(features_input))
+      scatter_to_neighbours(args, index, edges.data(), *to);
   }
 
  private:
@@ -52,7 +53,7 @@ class ConvolveGradient : public Kernel<T> {
 
   // What the edges [e0, e0 + count) read and hand back; a column per edge.
   struct Edges {
-    Matrix lengths, directions, given;
+    Matrix lengths, directions, grad_output;
     Matrix d_lengths, d_features;
     std::vector<Harmonics<double>> harmonics, d_harmonics;  // sides · edges
   };
@@ -72,15 +73,15 @@ class ConvolveGradient : public Kernel<T> {
     const int sides = op_.op.sides;
     const Slot& features = slots.in(features_input);
     const auto* index = slots.in(index_input).template as<std::uint32_t>() + e0;
-    const Slot* given = slots.given(0);
-    Edges edges{
-        .lengths = load(slots.in(lengths_input), e0, count),
-        .directions = load(slots.in(directions_input), e0, count),
-        .given = given ? load(*given, e0, count) : Matrix(Matrix::Zero(op_.op.fiber_out.size(), count)),
-        .d_lengths = Matrix::Zero(sides, count),
-        .d_features = Matrix::Zero(features.width, count),
-        .harmonics = {},
-        .d_harmonics = std::vector<Harmonics<double>>(sides * count, Harmonics<double>::Zero())};
+    const Slot* grad_output = slots.grad_output(0);
+    Edges edges{.lengths = load(slots.in(lengths_input), e0, count),
+                .directions = load(slots.in(directions_input), e0, count),
+                .grad_output = grad_output ? load(*grad_output, e0, count)
+                                           : Matrix(Matrix::Zero(op_.op.fiber_out.size(), count)),
+                .d_lengths = Matrix::Zero(sides, count),
+                .d_features = Matrix::Zero(features.width, count),
+                .harmonics = {},
+                .d_harmonics = std::vector<Harmonics<double>>(sides * count, Harmonics<double>::Zero())};
     for (std::size_t i = 0; i < sides * count; ++i)
       edges.harmonics.push_back(edge_harmonics(edges.directions.data() + 3 * i));
     Matrix neighbours(features.width, count);
@@ -90,8 +91,8 @@ class ConvolveGradient : public Kernel<T> {
     for (const Block& block : blocks_) run_block(block, neighbours, constants.blocks[i++], edges);
 
     if (!edge_features.empty()) store(edges.d_features, e0, edge_features.data());
-    if (const Slot* to = slots.wanted(lengths_input)) store(edges.d_lengths, e0, to->as<T>());
-    if (const Slot* to = slots.wanted(directions_input)) {
+    if (const Slot* to = slots.grad_input(lengths_input)) store(edges.d_lengths, e0, to->as<T>());
+    if (const Slot* to = slots.grad_input(directions_input)) {
       Matrix d_directions(3 * sides, count);
       for (std::size_t n = 0; n < sides * count; ++n)
         Eigen::Map<Eigen::Vector3d>(d_directions.data() + 3 * n) = direction_gradient(
@@ -113,7 +114,7 @@ class ConvolveGradient : public Kernel<T> {
       const double* feature = neighbours.col(e).data() + block.in_offset;
       block.turn(first, second, feature, turned);
       const Eigen::Map<const Matrix> weights(radial.col(e).data(), turned.cols(), r.out_channels);
-      const Eigen::Map<const Matrix> out(edges.given.col(e).data() + block.out_offset, r.out.dim(),
+      const Eigen::Map<const Matrix> out(edges.grad_output.col(e).data() + block.out_offset, r.out.dim(),
                                          r.out_channels);
       Eigen::Map<Matrix>(d_radial.col(e).data(), turned.cols(), r.out_channels).noalias() =
           turned.transpose() * out;

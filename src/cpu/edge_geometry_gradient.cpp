@@ -28,11 +28,11 @@ class EdgeGeometryGradient : public Kernel<T> {
             sum.template segment<3>(3 * s) += d;
             Eigen::Map<Vector3<T>>(starts.data() + e * width + 3 * s) = -d;
           }
-        if (const Slot* to = slots.wanted(0))
+        if (const Slot* to = slots.grad_input(0))
           Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(to->as<T>() + row * width, width) = sum;
       }
     });
-    if (const Slot* to = slots.wanted(1)) scatter_to_neighbours(args, index, starts.data(), *to);
+    if (const Slot* to = slots.grad_input(1)) scatter_to_neighbours(args, index, starts.data(), *to);
   }
 
  private:
@@ -47,9 +47,9 @@ class EdgeGeometryGradient : public Kernel<T> {
     };
     const Vector3<T> unit = xyz(slots.out(1));
     Vector3<T> gradient = Vector3<T>::Zero();
-    if (const Slot* given = slots.given(0)) gradient += given->as<T>()[at] * unit;
-    if (const Slot* given = slots.given(1)) {
-      const Vector3<T> turn = xyz(*given);
+    if (const Slot* grad_output = slots.grad_output(0)) gradient += grad_output->as<T>()[at] * unit;
+    if (const Slot* grad_output = slots.grad_output(1)) {
+      const Vector3<T> turn = xyz(*grad_output);
       gradient += (turn - turn.dot(unit) * unit) / std::max(length, static_cast<T>(ops::direction_eps));
     }
     return gradient;

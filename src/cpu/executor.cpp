@@ -41,7 +41,7 @@ void Executor<T>::prepare(const graph::BatchLayout& layout) {
   for (const graph::TensorInfo& info : graph_.tensors) {
     slots_.push_back({nullptr, info.rows, info.per_row, info.width});
     sizes.push_back(layout.rows(info.rows) * slots_.back().stride() *
-                    (info.kind == graph::Kind::index ? sizeof(std::uint32_t) : sizeof(T)));
+                    (info.kind == graph::ElementKind::index ? sizeof(std::uint32_t) : sizeof(T)));
   }
   const graph::MemoryPlan plan = graph::plan_memory(graph_, sizes, retain_);
   if (const std::size_t needed = plan.bytes + graph::arena_alignment; arena_bytes_ < needed) {

@@ -15,17 +15,17 @@ class ExtendFeaturesGradient : public Kernel<T> {
     const GradientSlots<ops::ExtendFeatures> slots{op_, args};
     const auto chunks = cloud_chunks(args.layout);
     const Eigen::ArrayXXd sums = cloud_sums(slots, chunks);
-    if (const Slot* to = slots.wanted(0)) own(args, chunks, slots.given(0), *to);
+    if (const Slot* to = slots.grad_input(0)) own(args, chunks, slots.grad_output(0), *to);
     const int globals = op_.op.global_channels, means_begin = scalars_ + 2 * globals;
     for (std::uint32_t cloud = 0; cloud < args.layout.clouds(); ++cloud) {
       const Eigen::ArrayXd self = sums.col(cloud), other = sums.col(args.layout.other(cloud));
-      if (const Slot* to = slots.wanted(1)) {
+      if (const Slot* to = slots.grad_input(1)) {
         Eigen::ArrayXd means(scalars_ + vectors_);
         means << self.segment(means_begin, scalars_) + other.segment(means_begin + scalars_, scalars_),
             self.tail(vectors_);
         row(*to, cloud) = means.template cast<T>();
       }
-      if (const Slot* to = slots.wanted(2))
+      if (const Slot* to = slots.grad_input(2))
         row(*to, cloud) =
             (self.segment(scalars_, globals) + other.segment(scalars_ + globals, globals)).template cast<T>();
     }
@@ -42,25 +42,26 @@ class ExtendFeaturesGradient : public Kernel<T> {
     const int width = slots.out(0).width;
     Eigen::ArrayXXd parts = Eigen::ArrayXXd::Zero(width, chunks.size());
     Eigen::ArrayXXd sums = Eigen::ArrayXXd::Zero(width, slots.args.layout.clouds());
-    const Slot* given = slots.given(0);
-    if (!given) return sums;
+    const Slot* grad_output = slots.grad_output(0);
+    if (!grad_output) return sums;
     slots.args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i)
         for (std::size_t point = chunks[i].begin; point < chunks[i].end; ++point)
-          parts.col(i) += row(*given, point).template cast<double>();
+          parts.col(i) += row(*grad_output, point).template cast<double>();
     });
     for (std::size_t i = 0; i < chunks.size(); ++i) sums.col(chunks[i].cloud) += parts.col(i);
     return sums;
   }
 
-  void own(const Arguments& args, const std::vector<CloudChunk>& chunks, const Slot* given,
-           const Slot& wanted) const {
+  void own(const Arguments& args, const std::vector<CloudChunk>& chunks, const Slot* grad_output,
+           const Slot& grad_input) const {
     const int vectors_begin = 3 * scalars_ + 2 * op_.op.global_channels;
     args.pool.parallel_for(chunks.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t point = chunks[first].begin; point < chunks[last - 1].end; ++point) {
-        auto to = row(wanted, point);
-        if (given)
-          to << row(*given, point).head(scalars_), row(*given, point).segment(vectors_begin, vectors_);
+        auto to = row(grad_input, point);
+        if (grad_output)
+          to << row(*grad_output, point).head(scalars_),
+              row(*grad_output, point).segment(vectors_begin, vectors_);
         else
           to.setZero();
       }

@@ -35,8 +35,8 @@ class HeadGradient : public Kernel<T> {
     return rows_of(slots, slot, pair).template cast<double>();
   }
   // The gradient of an output's rows; zero where there is none.
-  static MatrixXd given(const GradientSlots<ops::Head>& slots, int output, std::uint32_t pair) {
-    if (const Slot* slot = slots.given(output)) return load(slots, *slot, pair);
+  static MatrixXd grad_output(const GradientSlots<ops::Head>& slots, int output, std::uint32_t pair) {
+    if (const Slot* slot = slots.grad_output(output)) return load(slots, *slot, pair);
     return MatrixXd::Zero(slots.args.layout.key_points, slots.out(output).width);
   }
 
@@ -46,9 +46,9 @@ class HeadGradient : public Kernel<T> {
     const MatrixXd weights = load(slots, slots.out(weights_output), pair);
     RowMatrixXd d_positions = RowMatrixXd::Zero(positions.rows(), positions.cols()),
                 d_features = RowMatrixXd::Zero(features.rows(), features.cols());
-    MatrixXd d_weights = given(slots, weights_output, pair);
+    MatrixXd d_weights = grad_output(slots, weights_output, pair);
 
-    if (const Slot* slot = slots.given(pieces_output)) {
+    if (const Slot* slot = slots.grad_output(pieces_output)) {
       const Eigen::Matrix<double, ops::piece_count, 1> piece =
           Eigen::Map<const Eigen::Matrix<T, ops::piece_count, 1>>(slot->as<T>() + pair * ops::piece_count)
               .template cast<double>();
@@ -72,17 +72,17 @@ class HeadGradient : public Kernel<T> {
 
     const Eigen::RowVectorXd mean = weights.cwiseProduct(d_weights).colwise().sum();
     const MatrixXd d_logits =
-        weights.cwiseProduct(d_weights.rowwise() - mean) + given(slots, logits_output, pair);
+        weights.cwiseProduct(d_weights.rowwise() - mean) + grad_output(slots, logits_output, pair);
     const int scalars = op_.op.fiber.channels({0, 0});
     const MatrixXd normed = graph_norm(features.leftCols(scalars));
     constants.logit_weight += d_logits.transpose() * normed;
     constants.logit_bias += d_logits.colwise().sum().transpose();
-    const MatrixXd d_normed = d_logits * op_.op.logit_weight + given(slots, normed_output, pair);
+    const MatrixXd d_normed = d_logits * op_.op.logit_weight + grad_output(slots, normed_output, pair);
     d_features.leftCols(scalars) += norm_gradient(features.leftCols(scalars), d_normed, constants);
 
-    if (const Slot* to = slots.wanted(positions_input))
+    if (const Slot* to = slots.grad_input(positions_input))
       rows_of(slots, *to, pair) = d_positions.template cast<T>();
-    if (const Slot* to = slots.wanted(features_input))
+    if (const Slot* to = slots.grad_input(features_input))
       rows_of(slots, *to, pair) = d_features.template cast<T>();
   }
 

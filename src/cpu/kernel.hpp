@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "graph/batch_layout.hpp"
 #include "ops/op.hpp"
 
@@ -50,9 +50,13 @@ struct GradientSlots {
   const Slot& in(int i) const { return args.in[i]; }
   const Slot& out(int i) const { return args.in[op.inputs + i]; }
   /// The gradient of output i; nullptr where it is zero.
-  const Slot* given(int i) const { return op.given_at(i) < 0 ? nullptr : &args.in[op.given_at(i)]; }
+  const Slot* grad_output(int i) const {
+    return op.grad_output_at(i) < 0 ? nullptr : &args.in[op.grad_output_at(i)];
+  }
   /// Where the gradient of input i goes; nullptr where none is wanted.
-  const Slot* wanted(int i) const { return op.wanted_at(i) < 0 ? nullptr : &args.out[op.wanted_at(i)]; }
+  const Slot* grad_input(int i) const {
+    return op.grad_input_at(i) < 0 ? nullptr : &args.out[op.grad_input_at(i)];
+  }
   /// Where the gradient of the constants goes; nullptr where there are none.
   const Slot* constants() const { return op.constants ? &args.out[op.constants_at()] : nullptr; }
 };

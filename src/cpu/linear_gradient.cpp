@@ -45,18 +45,19 @@ class LinearGradient : public Kernel<T> {
 
   void run_row(const GradientSlots<ops::Linear>& slots, std::size_t row, ops::Linear& constants) const {
     for (int i = 0; i < op_.inputs; ++i)
-      if (const Slot* to = slots.wanted(i)) std::fill_n(to->as<T>() + row * to->stride(), to->stride(), T{0});
-    const Slot* given = slots.given(0);
-    if (!given) return;
+      if (const Slot* to = slots.grad_input(i))
+        std::fill_n(to->as<T>() + row * to->stride(), to->stride(), T{0});
+    const Slot* grad_output = slots.grad_output(0);
+    if (!grad_output) return;
     for (const Part& part : parts_) {
       const int dim = part.degree.dim();
       const Eigen::Index channels = part.weights.cols();
       const RowMatrix<double> out =
-          map(*given, row, part.out_offset, part.weights.rows(), dim).template cast<double>();
+          map(*grad_output, row, part.out_offset, part.weights.rows(), dim).template cast<double>();
       const RowMatrix<double> in =
           map(slots.in(part.input), row, part.in_offset, channels, dim).template cast<double>();
       constants.weights.at(part.degree).middleCols(part.column, channels) += out.lazyProduct(in.transpose());
-      if (const Slot* to = slots.wanted(part.input))
+      if (const Slot* to = slots.grad_input(part.input))
         map(*to, row, part.in_offset, channels, dim) =
             part.weights.transpose().lazyProduct(out).template cast<T>();
     }

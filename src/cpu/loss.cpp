@@ -171,10 +171,10 @@ class LossGradient : public Kernel<T> {
   void run(const Arguments& args) const override {
     const GradientSlots<ops::Loss> slots{op_, args};
     const double share = 1.0 / args.layout.pairs();
-    if (const Slot* to = slots.wanted(estimate_input))
+    if (const Slot* to = slots.grad_input(estimate_input))
       for (std::uint32_t pair = 0; pair < args.layout.pairs(); ++pair)
         pose_terms<T>(args, op_.op.kind, pair, share, to->as<T>());
-    if (const Slot* to = slots.wanted(keys_input))
+    if (const Slot* to = slots.grad_input(keys_input))
       for (std::uint32_t cloud = 0; cloud < args.layout.clouds(); ++cloud) {
         const Eigen::Matrix3Xd keys = keys_of<T>(args, cloud);
         Eigen::Matrix3Xd gradient = Eigen::Matrix3Xd::Zero(3, keys.cols());

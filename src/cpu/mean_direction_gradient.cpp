@@ -10,7 +10,7 @@ class MeanDirectionGradient : public Kernel<T> {
  public:
   explicit MeanDirectionGradient(const ops::Gradient<ops::MeanDirection>& op)
       : op_(op), constant_(static_cast<T>(op.op.constant)) {
-    if (!op.wanted.empty())
+    if (!op.needs_input_grad.empty())
       throw Failure(ErrorCode::unsupported, "no gradient of mean_direction with respect to positions");
   }
 
@@ -22,7 +22,7 @@ class MeanDirectionGradient : public Kernel<T> {
     out.constants = slots.constants();
     point_attention_gradient<T>(args, op_.op.general, edges.rows, edges.per_row,
                                 {&constant_, 0, edges.as<std::uint32_t>(), positions, positions, nullptr},
-                                slots.given(0)->as<T>(), nullptr, out);
+                                slots.grad_output(0)->as<T>(), nullptr, out);
   }
 
  private:

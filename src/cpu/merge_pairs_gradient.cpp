@@ -13,31 +13,31 @@ class MergePairsGradient : public Kernel<T> {
   void run(const Arguments& args) const override {
     const GradientSlots<ops::MergePairs> slots{op_, args};
     const std::size_t nodes = args.rows(slots.out(1));
-    if (const Slot* to = slots.wanted(0)) positions(slots.given(0), *to, nodes);
-    if (const Slot* to = slots.wanted(1)) features(slots.in(1), slots.given(1), *to, nodes);
+    if (const Slot* to = slots.grad_input(0)) positions(slots.grad_output(0), *to, nodes);
+    if (const Slot* to = slots.grad_input(1)) features(slots.in(1), slots.grad_output(1), *to, nodes);
   }
 
  private:
-  static void positions(const Slot* given, const Slot& wanted, std::size_t nodes) {
-    T* to = wanted.as<T>();
+  static void positions(const Slot* grad_output, const Slot& grad_input, std::size_t nodes) {
+    T* to = grad_input.as<T>();
     std::fill_n(to, 6 * nodes, T{0});
-    if (!given) return;
+    if (!grad_output) return;
     for (std::size_t node = 0; node < nodes; ++node) {
-      const T* from = given->as<T>() + 6 * node;
+      const T* from = grad_output->as<T>() + 6 * node;
       std::copy_n(from, 3, to + 3 * node);
       std::copy_n(from + 3, 3, to + 3 * (node + nodes));
     }
   }
 
-  void features(const Slot& in, const Slot* given, const Slot& wanted, std::size_t nodes) const {
-    const std::size_t width = wanted.stride();
-    std::fill_n(wanted.as<T>(), 2 * nodes * width, T{0});
-    if (!given) return;
+  void features(const Slot& in, const Slot* grad_output, const Slot& grad_input, std::size_t nodes) const {
+    const std::size_t width = grad_input.stride();
+    std::fill_n(grad_input.as<T>(), 2 * nodes * width, T{0});
+    if (!grad_output) return;
     for (std::size_t node = 0; node < nodes; ++node) {
       const T *u = in.as<T>() + node * width + m_, *w = in.as<T>() + (node + nodes) * width + m_;
-      T* source = wanted.as<T>() + node * width;
-      T* reference = wanted.as<T>() + (node + nodes) * width;
-      const T* from = given->as<T>() + node * given->stride();
+      T* source = grad_input.as<T>() + node * width;
+      T* reference = grad_input.as<T>() + (node + nodes) * width;
+      const T* from = grad_output->as<T>() + node * grad_output->stride();
       std::copy_n(from, m_, source);
       std::copy_n(from, m_, reference);
       std::copy_n(from + m_, 3 * m_, reference + m_);

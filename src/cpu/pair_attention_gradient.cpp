@@ -285,8 +285,8 @@ class PairAttentionGradientKernel : public Kernel<T> {
       std::fill_n(slot->template as<T>(), args.rows(*slot) * slot->stride(), T{0});
       return slot->template as<T>();
     };
-    T *d_features = clear(slots.wanted(0)), *d_positions = clear(slots.wanted(2));
-    const T* d_out = slots.given(0)->template as<T>();
+    T *d_features = clear(slots.grad_input(0)), *d_positions = clear(slots.grad_input(2));
+    const T* d_out = slots.grad_output(0)->template as<T>();
     const std::size_t k = edges.per_row, out_stride = slots.out(0).stride();
 
     const std::size_t pairs = args.layout.pairs(), tasks = std::min(pairs, most_tasks);

@@ -13,7 +13,7 @@ constexpr std::size_t rows_between_flushes = 1024;
 
 template <class T>
 void point_attention_gradient(const Arguments& args, const ops::PointAttention& op, graph::Rows queries,
-                              int k, const PointInputs<T>& in, const T* given, const T* coefficients,
+                              int k, const PointInputs<T>& in, const T* grad_output, const T* coefficients,
                               const PointGradients<T>& out) {
   const graph::BatchLayout& layout = args.layout;
   const std::size_t width = op.c0 + 3 * op.c1;
@@ -33,7 +33,7 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
     const PointMatrices matrices =
         coefficients ? with_coefficients(shared, op, coefficients + cloud * op.coefficient_count()) : shared;
     sums[cloud] = zeros_like(matrices);
-    PointBlock<T> block(op, matrices, in, given, k);
+    PointBlock<T> block(op, matrices, in, grad_output, k);
     for (std::size_t chunk = begin; chunk < end; chunk += rows_between_flushes) {
       const std::size_t chunk_end = std::min(chunk + rows_between_flushes, end);
       for (std::size_t row = chunk; row < chunk_end; row += pack_lanes<T>)
@@ -79,9 +79,10 @@ class PointAttentionGradient : public Kernel<T> {
     point_attention_gradient<T>(args, op_.op, edges.rows, edges.per_row,
                                 {features.as<T>(), features.stride(), edges.as<std::uint32_t>(),
                                  slots.in(2).as<T>(), slots.in(3).as<T>(), nullptr},
-                                slots.given(0)->as<T>(), op_.op.per_cloud ? slots.in(4).as<T>() : nullptr,
-                                {to(slots.wanted(0)), to(slots.wanted(2)), to(slots.wanted(3)),
-                                 op_.op.per_cloud ? to(slots.wanted(4)) : nullptr, slots.constants()});
+                                slots.grad_output(0)->as<T>(),
+                                op_.op.per_cloud ? slots.in(4).as<T>() : nullptr,
+                                {to(slots.grad_input(0)), to(slots.grad_input(2)), to(slots.grad_input(3)),
+                                 op_.op.per_cloud ? to(slots.grad_input(4)) : nullptr, slots.constants()});
   }
 
  private:

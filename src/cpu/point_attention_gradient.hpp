@@ -19,7 +19,7 @@ struct PointGradients {
 /// used. `coefficients`: nullptr unless they come per cloud.
 template <class T>
 void point_attention_gradient(const Arguments& args, const ops::PointAttention& op, graph::Rows queries,
-                              int k, const PointInputs<T>& in, const T* given, const T* coefficients,
+                              int k, const PointInputs<T>& in, const T* grad_output, const T* coefficients,
                               const PointGradients<T>& out);
 
 }  // namespace bitr::cpu

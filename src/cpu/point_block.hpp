@@ -17,10 +17,10 @@ class PointBlock {
 
  public:
   PointBlock(const ops::PointAttention& op, const PointMatrices& matrices, const PointInputs<T>& in,
-             const T* given, int k)
+             const T* grad_output, int k)
       : op_(op),
         in_(in),
-        given_(given),
+        grad_output_(grad_output),
         k_(k),
         edge_(op, false, k),
         zero_(op, true, k),
@@ -102,7 +102,7 @@ class PointBlock {
       own0()[op_.c0] = zero_pack<T>() + 1;
     }
     const int width = op_.m0 + 3 * op_.m1;
-    for (int lane = 0; lane < lanes; ++lane) rows[lane] = given_ + row(lane) * width;
+    for (int lane = 0; lane < lanes; ++lane) rows[lane] = grad_output_ + row(lane) * width;
     gather(rows, width, scratch_.data());
     P there;
     for (int lane = 0; lane < lanes; ++lane) there[lane] = lane < count_ ? T{1} : T{0};
@@ -293,7 +293,7 @@ class PointBlock {
 
   const ops::PointAttention& op_;
   const PointInputs<T>& in_;
-  const T* given_;
+  const T* grad_output_;
   const int k_;
   std::size_t begin_ = 0;
   int count_ = 0;

@@ -29,17 +29,18 @@ class ProjectPoseGradient : public Kernel<T> {
 
   void run(const Arguments& args) const override {
     const GradientSlots<ops::ProjectPose> slots{op_, args};
-    const Slot *given = slots.given(0), *wanted = slots.wanted(0);
-    if (!wanted) return;
+    const Slot *grad_output = slots.grad_output(0), *grad_input = slots.grad_input(0);
+    if (!grad_input) return;
     for (std::size_t pair = 0; pair < args.layout.pairs(); ++pair) {
       const Pieces pieces = Eigen::Map<const Eigen::Matrix<T, ops::piece_count, 1>>(slots.in(0).as<T>() +
                                                                                     pair * ops::piece_count)
                                 .template cast<double>();
       Eigen::Matrix<double, ops::pose_width, 1> pose = Eigen::Matrix<double, ops::pose_width, 1>::Zero();
-      if (given)
-        pose = Eigen::Map<const Eigen::Matrix<T, ops::pose_width, 1>>(given->as<T>() + pair * ops::pose_width)
+      if (grad_output)
+        pose = Eigen::Map<const Eigen::Matrix<T, ops::pose_width, 1>>(grad_output->as<T>() +
+                                                                      pair * ops::pose_width)
                    .template cast<double>();
-      Eigen::Map<Eigen::Matrix<T, ops::piece_count, 1>>(wanted->as<T>() + pair * ops::piece_count) =
+      Eigen::Map<Eigen::Matrix<T, ops::piece_count, 1>>(grad_input->as<T>() + pair * ops::piece_count) =
           gradient(pieces, Eigen::Map<const RowMatrix3>(pose.data()), pose.segment<3>(9)).template cast<T>();
     }
   }

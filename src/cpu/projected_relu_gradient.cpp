@@ -30,7 +30,7 @@ class ProjectedReluGradient : public Kernel<T> {
           .template cast<double>();
     };
     const Eigen::VectorXd x = load(slots.in(0));
-    Eigen::VectorXd d = slots.given(0) ? load(*slots.given(0)) : Eigen::VectorXd::Zero(width);
+    Eigen::VectorXd d = slots.grad_output(0) ? load(*slots.grad_output(0)) : Eigen::VectorXd::Zero(width);
     for (int c = 0; c < op_.op.fiber.channels({0, 0}); ++c)
       if (!(x[c] > 0)) d[c] *= ops::leaky_slope;
     for (const auto& [degree, plane] : planes_) {
@@ -38,7 +38,7 @@ class ProjectedReluGradient : public Kernel<T> {
       projected_relu_gradient(plane, op_.op.square, degree.dim(), x.data() + at, d.data() + at,
                               constants.planes.at(degree).data());
     }
-    if (const Slot* to = slots.wanted(0))
+    if (const Slot* to = slots.grad_input(0))
       Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(to->as<T>() + row * width, width) =
           d.template cast<T>();
   }

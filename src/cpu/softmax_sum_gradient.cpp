@@ -63,17 +63,17 @@ class SoftmaxSumGradient : public Kernel<T> {
 
   void differentiate(const Slots& slots, const CloudChunk& chunk, const Normalizer& norm) const {
     // Gradients of the sums, channels × columns, and ⟨gradient, sum⟩.
-    std::vector<ColumnMatrix> given(values_);
+    std::vector<ColumnMatrix> grad_output(values_);
     Row mean = Row::Zero(channels_);
     for (int v = 0; v < values_; ++v) {
-      const Slot* slot = slots.given(v);
+      const Slot* slot = slots.grad_output(v);
       if (slot == nullptr) continue;
       const auto of_cloud = [&](const Slot& from) {
         return Eigen::Map<const Eigen::Array<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
             from.as<T>() + std::size_t{chunk.cloud} * channels_ * from.width, channels_, from.width);
       };
-      given[v] = of_cloud(*slot);
-      mean += (given[v] * of_cloud(slots.out(v))).rowwise().sum();
+      grad_output[v] = of_cloud(*slot);
+      mean += (grad_output[v] * of_cloud(slots.out(v))).rowwise().sum();
     }
     const Row largest = norm.largest.template cast<T>(), scale = (1 / norm.total).template cast<T>();
     Row weight(channels_), along(channels_);
@@ -83,10 +83,11 @@ class SoftmaxSumGradient : public Kernel<T> {
       for (int v = 0; v < values_; ++v) {
         const Slot& from = slots.in(v + 1);
         const T* value = from.as<T>() + row * from.stride() + op_.op.skip[v];
-        for (Eigen::Index c = 0; c < given[v].cols(); ++c) along += given[v].col(c) * value[c];
-        if (const Slot* to = slots.wanted(v + 1)) write_value(given[v], weight, op_.op.skip[v], *to, row);
+        for (Eigen::Index c = 0; c < grad_output[v].cols(); ++c) along += grad_output[v].col(c) * value[c];
+        if (const Slot* to = slots.grad_input(v + 1))
+          write_value(grad_output[v], weight, op_.op.skip[v], *to, row);
       }
-      if (const Slot* to = slots.wanted(0)) {
+      if (const Slot* to = slots.grad_input(0)) {
         T* at = to->as<T>() + row * to->stride();
         Eigen::Map<Row>(at, channels_) = weight * along;
         std::fill(at + channels_, at + to->stride(), T{0});
@@ -94,11 +95,11 @@ class SoftmaxSumGradient : public Kernel<T> {
     }
   }
 
-  static void write_value(const ColumnMatrix& given, const Row& weight, int skip, const Slot& to,
+  static void write_value(const ColumnMatrix& grad_output, const Row& weight, int skip, const Slot& to,
                           std::size_t row) {
     T* at = to.as<T>() + row * to.stride();
     std::fill(at, at + to.stride(), T{0});
-    for (Eigen::Index c = 0; c < given.cols(); ++c) at[skip + c] = (weight * given.col(c)).sum();
+    for (Eigen::Index c = 0; c < grad_output.cols(); ++c) at[skip + c] = (weight * grad_output.col(c)).sum();
   }
 
   const ops::Gradient<ops::SoftmaxSum> op_;

@@ -20,11 +20,11 @@ constexpr GeneratedKind kinds[] = {
     {"aircraft", "an aeroplane, two samples cropped from opposite ends"},
 };
 
-constexpr Kind makers[] = {
-    {"solids", random_solid_shape, Way::broken},
-    {"solids", random_solid_shape, Way::copied},
-    {"vessels", random_vessel, Way::broken},
-    {"aircraft", random_aircraft, Way::cropped},
+constexpr ShapeKind makers[] = {
+    {"solids", random_solid_shape, PairOrigin::broken},
+    {"solids", random_solid_shape, PairOrigin::copied},
+    {"vessels", random_vessel, PairOrigin::broken},
+    {"aircraft", random_aircraft, PairOrigin::cropped},
 };
 static_assert(std::size(kinds) == std::size(makers));
 
@@ -56,13 +56,13 @@ Result<void> check(const GenerateOptions& options) {
 
 }  // namespace
 
-Result<const Kind*> kind_named(std::string_view name) {
+Result<const ShapeKind*> kind_named(std::string_view name) {
   const auto found = find(kinds, name);
   if (!found) return tl::unexpected(found.error());
   return &makers[*found];
 }
 
-std::unique_ptr<Shape> make_shape(const Kind& kind, std::uint64_t seed) {
+std::unique_ptr<Shape> make_shape(const ShapeKind& kind, std::uint64_t seed) {
   Random random = random_for(seed, Draw::shape);
   return kind.make(random);
 }
@@ -84,19 +84,19 @@ Result<GeneratedPair> generate_pair(std::string_view name, const GenerateOptions
   const auto kind = kind_named(name);
   if (!kind) return tl::unexpected(kind.error());
   if (const auto valid = check(options); !valid) return tl::unexpected(valid.error());
-  const Way way = (*kind)->way;
+  const PairOrigin origin = (*kind)->origin;
   const auto shape = make_shape(**kind, options.seed);
   GeneratedPair pair;
-  if (options.protocol || way == Way::cropped) {
+  if (options.protocol || origin == PairOrigin::cropped) {
     const CropOptions crop{.protocol = options.protocol.value_or(Protocol::opposed),
                            .share = options.share,
                            .noise = options.noise,
                            .seed = options.seed};
     if (const auto valid = generate::check(crop); !valid) return tl::unexpected(valid.error());
-    return sample_and_crop(*shape, options.points, way == Way::copied, crop);
+    return sample_and_crop(*shape, options.points, origin == PairOrigin::copied, crop);
   }
-  pair = way == Way::broken ? break_in_two(*shape, options.points, options.roughness, options.seed)
-                            : sample_twice(*shape, options.points, true, options.seed);
+  pair = origin == PairOrigin::broken ? break_in_two(*shape, options.points, options.roughness, options.seed)
+                                      : sample_twice(*shape, options.points, true, options.seed);
   separate(pair, {.noise = options.noise}, options.seed);
   return pair;
 }
@@ -106,7 +106,7 @@ Result<GeneratedShape> generate_shape(std::string_view name, std::uint64_t seed,
   if (!found) return tl::unexpected(found.error());
   if (const auto valid = check_points(points); !valid) return tl::unexpected(valid.error());
   const auto kind =
-      std::find_if(std::begin(makers), std::end(makers), [&](const Kind& k) { return k.shape == name; });
+      std::find_if(std::begin(makers), std::end(makers), [&](const ShapeKind& k) { return k.shape == name; });
   const auto shape = make_shape(*kind, seed);
   Random random = random_for(seed, Draw::points);
   return GeneratedShape{sample(*shape, points, random), shape->symmetry()};

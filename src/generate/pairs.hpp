@@ -36,18 +36,18 @@ Result<GeneratedPair> sample_and_crop(const Shape& shape, std::size_t count, boo
 GeneratedPair break_in_two(const Shape& shape, std::size_t count, double roughness, std::uint64_t seed);
 
 /// What a kind does without a protocol.
-enum class Way { broken, copied, cropped };
+enum class PairOrigin { broken, copied, cropped };
 
-struct Kind {
+struct ShapeKind {
   std::string_view shape;  ///< its name among generated_shapes()
   std::unique_ptr<Shape> (*make)(Random& random);
-  Way way;
+  PairOrigin origin;
 };
 /// `invalid_argument` when there is none of that name.
-Result<const Kind*> kind_named(std::string_view name);
+Result<const ShapeKind*> kind_named(std::string_view name);
 
 /// The shape of a kind and seed.
-std::unique_ptr<Shape> make_shape(const Kind& kind, std::uint64_t seed);
+std::unique_ptr<Shape> make_shape(const ShapeKind& kind, std::uint64_t seed);
 
 Result<void> check_points(std::size_t points);
 /// Of crops; errors name the option.

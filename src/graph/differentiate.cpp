@@ -34,7 +34,8 @@ class Differentiator {
       const Node& node = graph().nodes[i];
       bool depends = std::visit([](const auto& op) { return ops::constant_count(op) > 0; }, node.op);
       for (TensorId id : node.inputs) depends = depends || dependent_[id];
-      for (TensorId id : node.outputs) dependent_[id] = depends && graph().tensors[id].kind == Kind::real;
+      for (TensorId id : node.outputs)
+        dependent_[id] = depends && graph().tensors[id].kind == ElementKind::real;
     }
   }
 
@@ -44,24 +45,24 @@ class Differentiator {
       ops::Gradient<Operation> gradient{.op = op,
                                         .inputs = static_cast<int>(node.inputs.size()),
                                         .outputs = static_cast<int>(node.outputs.size()),
-                                        .given = {},
-                                        .wanted = {},
+                                        .grad_outputs = {},
+                                        .needs_input_grad = {},
                                         .constants = ops::constant_count(op) > 0};
       std::vector<TensorId> inputs = node.inputs, outputs;
       inputs.insert(inputs.end(), node.outputs.begin(), node.outputs.end());
       for (int o = 0; o < gradient.outputs; ++o)
         if (const TensorId sum = total(node.outputs[o]); sum != no_tensor) {
-          gradient.given.push_back(o);
+          gradient.grad_outputs.push_back(o);
           inputs.push_back(sum);
         }
       // The loss is where gradients come from; what does not lead to it has none.
-      if (gradient.given.empty() && !std::is_same_v<Operation, ops::Loss>) return;
+      if (gradient.grad_outputs.empty() && !std::is_same_v<Operation, ops::Loss>) return;
       for (int n = 0; n < gradient.inputs; ++n) {
         const TensorId id = node.inputs[n];
         if (!dependent_[id]) continue;
         TensorInfo info = graph().tensors[id];
         info.name = "d." + info.name + " of " + node.name;
-        gradient.wanted.push_back(n);
+        gradient.needs_input_grad.push_back(n);
         outputs.push_back(graph().add(info));
         parts_[id].push_back(outputs.back());
       }
@@ -71,7 +72,7 @@ class Differentiator {
                                        .width = static_cast<int>(ops::constant_count(op)),
                                        .fiber = {}}));
         result_.constants[i] = outputs.back();
-        graph().kept.push_back(outputs.back());
+        graph().saved.push_back(outputs.back());
       }
       graph().append("d." + node.name, std::move(gradient), std::move(inputs), std::move(outputs));
     }

@@ -14,14 +14,14 @@ namespace bitr::graph {
 using TensorId = int;
 constexpr TensorId no_tensor = -1;
 
-enum class Kind : std::uint8_t { real, index };
+enum class ElementKind : std::uint8_t { real, index };
 
 struct TensorInfo {
   std::string name;  ///< the stage's name, e.g. "fe.g1" or "key.points"
   Rows rows = Rows::point;
   int per_row = 1;  ///< entries per row: k for tensors over edges
   int width = 1;    ///< numbers per entry
-  Kind kind = Kind::real;
+  ElementKind kind = ElementKind::real;
   irreps::Fiber fiber;  ///< how the width splits into degrees; empty for plain columns
 };
 
@@ -43,21 +43,21 @@ struct Graph {
   TensorId result = no_tensor;  ///< of a graph that is not the network's
   // Of a training graph: the true poses (ops/loss.hpp), filled by the caller; the loss.
   TensorId truth = no_tensor, loss = no_tensor;
-  std::vector<TensorId> kept = {};  ///< others that are read after a run
+  std::vector<TensorId> saved = {};  ///< others that are read after a run
 
   TensorId add(TensorInfo info) {
     tensors.push_back(std::move(info));
     return static_cast<TensorId>(tensors.size()) - 1;
   }
   TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1) {
-    return add({std::move(name), rows, per_row, fiber.size(), Kind::real, fiber});
+    return add({std::move(name), rows, per_row, fiber.size(), ElementKind::real, fiber});
   }
   void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs) {
     nodes.push_back({std::move(name), std::move(op), std::move(inputs), std::move(outputs)});
   }
   /// Those that a run leaves readable.
   std::vector<TensorId> outputs() const {
-    std::vector<TensorId> all = kept;
+    std::vector<TensorId> all = saved;
     for (TensorId id : {key_points, pose, result, loss})
       if (id != no_tensor) all.push_back(id);
     return all;

@@ -55,8 +55,8 @@ class Builder {
   const Eigen::MatrixXd& parameter(const std::string& name) const { return weights_.parameters.at(name); }
 
   TensorId knn(const char* name, TensorId queries, TensorId references, Rows rows, ops::Knn op) {
-    const TensorId index =
-        graph_.add({.name = name, .rows = rows, .per_row = op.k, .kind = graph::Kind::index, .fiber = {}});
+    const TensorId index = graph_.add(
+        {.name = name, .rows = rows, .per_row = op.k, .kind = graph::ElementKind::index, .fiber = {}});
     graph_.append(name, op, {queries, references}, {index});
     return index;
   }

@@ -38,7 +38,7 @@ class Expander {
                          .rows = info.rows,
                          .per_row = info.per_row,
                          .width = width,
-                         .kind = graph::Kind::real,
+                         .kind = graph::ElementKind::real,
                          .fiber = {}});
     };
     const Geometry made{edges(".r", sides), edges(".direction", 3 * sides)};
@@ -80,7 +80,7 @@ class Expander {
                          .rows = rows,
                          .per_row = k,
                          .width = layer.heads,
-                         .kind = graph::Kind::real,
+                         .kind = graph::ElementKind::real,
                          .fiber = {}});
     };
     const TensorId logits = per_head(".attn_logit"), weights = per_head(".attn");

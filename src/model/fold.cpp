@@ -79,7 +79,7 @@ class Folder {
       const TensorId coefficients = graph_.add({.name = name + ".coefficients",
                                                 .rows = Rows::cloud,
                                                 .width = op.layer.coefficient_count(),
-                                                .kind = graph::Kind::real,
+                                                .kind = graph::ElementKind::real,
                                                 .fiber = {}});
       graph_.append(name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients});
       graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbours, coefficients}, {output});

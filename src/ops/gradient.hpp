@@ -1,7 +1,7 @@
 // gradient: of a loss, with respect to what an operation read and to its constants, from that with respect to
 // what it made.
-// in  the operation's inputs, then its outputs, then the gradients of the outputs `given`, of their shapes
-// out the gradients of the inputs `wanted`, of their shapes, then T[1, constant_count(op)] if `constants`
+// in  the operation's inputs, then its outputs, then the gradients of the outputs `grad_outputs`, of their shapes
+// out the gradients of the inputs `needs_input_grad`, of their shapes, then T[1, constant_count(op)] if `constants`
 //     (ops/constants.hpp)
 // Sums run in a fixed order: the same bits on every run and for any number of threads.
 #pragma once
@@ -14,16 +14,16 @@ namespace bitr::ops {
 template <class Operation>
 struct Gradient {
   Operation op;
-  int inputs = 0, outputs = 0;  ///< of the operation
-  std::vector<int> given;       ///< outputs whose gradient is an input, ascending
-  std::vector<int> wanted;      ///< inputs whose gradient is made, ascending
-  bool constants = false;       ///< the operation has constants
+  int inputs = 0, outputs = 0;        ///< of the operation
+  std::vector<int> grad_outputs;      ///< outputs whose gradient is an input, ascending
+  std::vector<int> needs_input_grad;  ///< inputs whose gradient is made, ascending
+  bool constants = false;             ///< the operation has constants
 
   /// Place among the inputs of the gradient of output `i`; −1: it is zero.
-  int given_at(int i) const { return at(given, i, inputs + outputs); }
-  /// Place among the outputs of the gradient of input `i`; −1: not wanted.
-  int wanted_at(int i) const { return at(wanted, i, 0); }
-  int constants_at() const { return constants ? static_cast<int>(wanted.size()) : -1; }
+  int grad_output_at(int i) const { return at(grad_outputs, i, inputs + outputs); }
+  /// Place among the outputs of the gradient of input `i`; −1: not needed.
+  int grad_input_at(int i) const { return at(needs_input_grad, i, 0); }
+  int constants_at() const { return constants ? static_cast<int>(needs_input_grad.size()) : -1; }
 
  private:
   static int at(const std::vector<int>& list, int i, int first) {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <string>
 
-#include "api/guarded.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "picture/canvas.hpp"
 #include "picture/captions.hpp"
 #include "picture/checks.hpp"

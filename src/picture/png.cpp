@@ -4,7 +4,7 @@
 #include <bitr/picture.hpp>
 #include <string>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 
 namespace bitr {
 

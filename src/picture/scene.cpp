@@ -4,8 +4,8 @@
 #include <bitr/io.hpp>
 #include <cmath>
 
+#include "picture/camera.hpp"
 #include "picture/captions.hpp"
-#include "picture/view.hpp"
 
 namespace bitr::picture {
 namespace {
@@ -119,8 +119,9 @@ Scene::Scene(const PointCloud& source_cloud, const PointCloud& reference_cloud, 
     return view * ((point - reference_box.centre()) / length);
   };
   const Offset before = offset_between(source, reference, seen_from_reference(centre), 1.15);
-  const Offset after = offset_between(
-      assembled, reference, seen_from_reference(vector_of(pose.apply({centre[0], centre[1], centre[2]}))), 1.5);
+  const Offset after =
+      offset_between(assembled, reference,
+                     seen_from_reference(vector_of(pose.apply({centre[0], centre[1], centre[2]}))), 1.5);
 
   panels[0] = {
       .title = "source", .note = points_note(source_cloud.size()), .parts = {{Role::source, &source}}};

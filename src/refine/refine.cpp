@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "api/guarded.hpp"
 #include "core/finite.hpp"
+#include "core/guarded.hpp"
 #include "refine/icp.hpp"
 #include "refine/matching.hpp"
 #include "refine/overlap.hpp"

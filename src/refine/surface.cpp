@@ -3,7 +3,7 @@
 #include "core/centroid.hpp"
 #include "core/failure.hpp"
 #include "core/finite.hpp"
-#include "refine/spacing.hpp"
+#include "core/spacing.hpp"
 
 namespace bitr::refine {
 namespace {

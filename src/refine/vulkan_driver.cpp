@@ -16,7 +16,7 @@ static_assert(Search::most_wanted == vk::Nearest::most_wanted);
 /// What searches of all steppers want, as one submission.
 class Searcher {
  public:
-  Searcher(const vk::Context& context, cpu::ThreadPool& pool) : pool_(pool), nearest_(context) {}
+  Searcher(const vk::Context& context, ThreadPool& pool) : pool_(pool), nearest_(context) {}
 
   void run(const std::vector<const Search*>& searches) {
     if (searches.empty()) return;
@@ -97,7 +97,7 @@ class Searcher {
     search.take(i, index, squared, count);
   }
 
-  cpu::ThreadPool& pool_;
+  ThreadPool& pool_;
   vk::Nearest nearest_;
   std::map<const std::vector<Vec3d>*, std::uint32_t> clouds_;
   std::map<const void*, std::vector<std::uint32_t>> orders_;
@@ -105,7 +105,7 @@ class Searcher {
 
 }  // namespace
 
-void drive(std::span<Stepper* const> steppers, const vk::Context& context, cpu::ThreadPool& pool) {
+void drive(std::span<Stepper* const> steppers, const vk::Context& context, ThreadPool& pool) {
   Searcher searcher(context, pool);
   VulkanPlans plans(context, pool);
   std::vector<Stepper*> going(steppers.begin(), steppers.end());

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "refine/transport.hpp"
 #include "vk/sinkhorn.hpp"
 
@@ -12,7 +12,7 @@ namespace bitr::refine {
 
 class VulkanPlans {
  public:
-  VulkanPlans(const vk::Context& context, cpu::ThreadPool& pool) : pool_(pool), sinkhorn_(context) {}
+  VulkanPlans(const vk::Context& context, ThreadPool& pool) : pool_(pool), sinkhorn_(context) {}
 
   /// Fills in weights and targets of all; plans that do not fit are left to the CPU.
   void run(std::span<PlanWanted* const> plans);
@@ -23,7 +23,7 @@ class VulkanPlans {
 
  private:
   void run_together(std::span<PlanWanted* const> plans);
-  cpu::ThreadPool& pool_;
+  ThreadPool& pool_;
   vk::Sinkhorn sinkhorn_;
 };
 

@@ -5,12 +5,12 @@
 #include <cstddef>
 #include <functional>
 
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 
 namespace bitr::refine {
 
 struct Workers {
-  cpu::ThreadPool* pool = nullptr;  ///< null: the calling thread
+  ThreadPool* pool = nullptr;  ///< null: the calling thread
 
   /// body(begin, end) on pieces of [0, count); as ThreadPool::parallel_for.
   void parallel_for(std::size_t count, std::size_t grain,

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "io/safetensors.hpp"
 
 namespace bitr::train {

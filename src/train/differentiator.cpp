@@ -1,8 +1,8 @@
 #include "train/differentiator.hpp"
 
-#include "api/guarded.hpp"
 #include "api/pack.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "cpu/executor.hpp"
 #include "model/parameter_gradients.hpp"
 #include "train/training_graph.hpp"
@@ -49,7 +49,7 @@ class CpuSteps {
   }
 
  private:
-  cpu::ThreadPool& pool_;
+  ThreadPool& pool_;
   std::optional<cpu::Executor<T>> executor_;
 };
 

@@ -4,9 +4,9 @@
 #include <chrono>
 #include <cmath>
 
-#include "api/guarded.hpp"
 #include "core/failure.hpp"
-#include "data/part.hpp"
+#include "core/guarded.hpp"
+#include "data_sets/part.hpp"
 #include "model/load.hpp"
 #include "train/curves.hpp"
 #include "train/metrics.hpp"

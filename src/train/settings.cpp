@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "model/config.hpp"
 
 namespace bitr {

@@ -1,7 +1,7 @@
 #include <bitr/io.hpp>
 #include <bitr/train.hpp>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "train/checkpoint.hpp"
 #include "train/run.hpp"
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "model/load.hpp"
 #include "model/widen.hpp"
 #include "train/flat.hpp"

@@ -4,10 +4,10 @@
 #include <bitr/assemble.hpp>
 #include <cstdio>
 
-#include "api/guarded.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
-#include "data/part.hpp"
+#include "core/guarded.hpp"
+#include "data_sets/part.hpp"
 #include "train/trainer.hpp"
 
 namespace bitr::train {

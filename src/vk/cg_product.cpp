@@ -14,7 +14,7 @@ constexpr std::uint32_t group_size = 64;
 
 class CgProductKernel : public Kernel {
  public:
-  CgProductKernel(const Site& site, const ops::CgProduct& op)
+  CgProductKernel(const KernelContext& site, const ops::CgProduct& op)
       : op_(op), capabilities_(site.context.capabilities()) {
     const auto terms = irreps::coupling_terms(op.a, op.b, op.out);
     std::vector<std::vector<irreps::CouplingTerm>> by_component(static_cast<std::size_t>(op.out.dim()));
@@ -65,7 +65,7 @@ class CgProductKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::CgProduct& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::CgProduct& op) {
   return std::make_unique<CgProductKernel>(site, op);
 }
 

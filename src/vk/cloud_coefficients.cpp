@@ -20,7 +20,7 @@ constexpr std::size_t shared_numbers = 4096;
 
 class CloudCoefficientsKernel : public Kernel {
  public:
-  CloudCoefficientsKernel(const Site& site, const ops::CloudCoefficients& op)
+  CloudCoefficientsKernel(const KernelContext& site, const ops::CloudCoefficients& op)
       : capabilities_(site.context.capabilities()) {
     const ops::PointAttention& layer = op.layer;
     const int c0 = layer.c0, c1 = layer.c1, heads = layer.heads, extra = op.full.c0 - c0;
@@ -94,7 +94,7 @@ std::vector<MatrixXd> cloud_layer_weights(const ops::CloudCoefficients& op, int 
   return {keys, zero_keys, skip, zero_values, values};
 }
 
-KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::CloudCoefficients& op) {
   return std::make_unique<CloudCoefficientsKernel>(site, op);
 }
 

@@ -34,14 +34,14 @@ enum : int { means_input, globals_input };
 
 class CloudCoefficientsGradient : public Kernel {
  public:
-  CloudCoefficientsGradient(const Site& site, const ops::Gradient<ops::CloudCoefficients>& op)
+  CloudCoefficientsGradient(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
         c0_(op.op.layer.c0),
         c1_(op.op.layer.c1),
         extra_(op.op.full.c0 - c0_),
         paths_(c0_ + 2 * c1_) {
-    if (op.given_at(0) < 0 || !op.constants)
+    if (op.grad_output_at(0) < 0 || !op.constants)
       throw Failure(ErrorCode::internal, "cloud coefficients' gradient that nothing needs");
     for (const Eigen::MatrixXd& matrix : cloud_layer_weights(op.op, site.in[globals_input].width))
       add_constants(matrix);
@@ -56,11 +56,11 @@ class CloudCoefficientsGradient : public Kernel {
                         heads = number(op.op.layer.heads);
     number_pipeline_ = &site.context.pipeline(
         number_shader, std::array{work_group, number(c0_), number(c1_), globals, m0, heads});
-    const std::uint32_t wanted =
-        (op.wanted_at(means_input) >= 0 ? 1u : 0u) | (op.wanted_at(globals_input) >= 0 ? 2u : 0u);
-    if (wanted)
+    const std::uint32_t grad_input =
+        (op.grad_input_at(means_input) >= 0 ? 1u : 0u) | (op.grad_input_at(globals_input) >= 0 ? 2u : 0u);
+    if (grad_input)
       input_pipeline_ = &site.context.pipeline(
-          input_shader, std::array{tile_rows, number(c0_), number(c1_), globals, wanted});
+          input_shader, std::array{tile_rows, number(c0_), number(c1_), globals, grad_input});
     constant_pipeline_ = &site.context.pipeline(
         constant_shader, std::array{tile_rows, number(c0_), number(c1_), globals, m0, heads});
   }
@@ -81,14 +81,14 @@ class CloudCoefficientsGradient : public Kernel {
     const Range d_numbers = args.scratch.sub(numbers_bytes(clouds), numbers_bytes(clouds));
     args.schedule.dispatch(
         *number_pipeline_,
-        {slots.in(means_input), slots.in(globals_input), weights, slots.given(0), numbers, d_numbers},
+        {slots.in(means_input), slots.in(globals_input), weights, slots.grad_output(0), numbers, d_numbers},
         SegmentParameters{0, clouds}, {clouds, 1, 1}, cost_ * clouds);
     if (input_pipeline_)
       args.schedule.dispatch(*input_pipeline_,
-                             {d_numbers, slots.wanted(means_input), slots.wanted(globals_input)},
+                             {d_numbers, slots.grad_input(means_input), slots.grad_input(globals_input)},
                              SegmentParameters{0, clouds}, {clouds, 1, 1}, 100.0 * clouds);
     const auto vectors = static_cast<std::uint32_t>(slots.constants().size / (4 * sizeof(float)));
-    args.schedule.dispatch(*constant_pipeline_, {codes, numbers, slots.given(0), slots.constants()},
+    args.schedule.dispatch(*constant_pipeline_, {codes, numbers, slots.grad_output(0), slots.constants()},
                            RowSumParameters{clouds, vectors},
                            {(4 * vectors + tile_rows - 1) / tile_rows, 1, 1}, 50.0 * vectors * clouds);
   }
@@ -174,7 +174,7 @@ class CloudCoefficientsGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::CloudCoefficients>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op) {
   return std::make_unique<CloudCoefficientsGradient>(site, op);
 }
 

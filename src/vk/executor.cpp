@@ -18,7 +18,7 @@ using graph::TensorId;
 constexpr std::uint32_t guard_pattern = 0xa5a5a5a5;
 
 std::size_t row_bytes(const graph::TensorInfo& info) {
-  const bool index = info.kind == graph::Kind::index;
+  const bool index = info.kind == graph::ElementKind::index;
   const auto width = index ? static_cast<std::uint32_t>(info.width) : padded(info.width);
   return sizeof(float) * static_cast<std::size_t>(info.per_row) * width;
 }
@@ -37,7 +37,7 @@ std::vector<int> gradients(const graph::Graph& graph) {
     for (const TensorId id : graph.nodes[n].outputs) made_by[id] = n;
     std::visit(
         [&](const auto& op) {
-          if constexpr (requires { op.given_at(0); })
+          if constexpr (requires { op.grad_output_at(0); })
             if (const int of = made_by[graph.nodes[n].inputs[op.inputs]]; of >= 0) {
               partner[n] = of;
               partner[of] = n;
@@ -102,12 +102,12 @@ void Executor::load(graph::Graph graph) {
   const std::vector<int> differentiated = gradients(graph_);
   for (std::size_t n = 0; n < graph_.nodes.size(); ++n) {
     const graph::Node& node = graph_.nodes[n];
-    Site site{*context_, {}, {}, largest_};
+    KernelContext site{*context_, {}, {}, largest_};
     for (TensorId id : node.inputs) site.in.push_back(graph_.tensors[id]);
     for (TensorId id : node.outputs) site.out.push_back(graph_.tensors[id]);
     const int partner = differentiated[n];
-    site.kept =
-        partner > static_cast<int>(n) || (partner >= 0 && kernels_[partner]->kept_bytes(largest_) > 0);
+    site.saved =
+        partner > static_cast<int>(n) || (partner >= 0 && kernels_[partner]->saved_bytes(largest_) > 0);
     kernels_.push_back(kernel_for(site, node.op));
   }
   find_inputs();
@@ -127,10 +127,10 @@ void Executor::add_memory(const std::vector<int>& differentiated) {
     memory.inputs = node.inputs.size();
     memory.outputs = node.outputs.size();
     if (const int partner = differentiated[n]; partner > static_cast<int>(n)) {
-      memory.makes_kept = kernels_[n]->kept_bytes(largest_) > 0;
-      if (memory.makes_kept) memory.kept = add_tensor(node.name + ".kept");
+      memory.saves = kernels_[n]->saved_bytes(largest_) > 0;
+      if (memory.saves) memory.saved = add_tensor(node.name + ".saved");
     } else if (partner >= 0) {
-      memory.kept = memory_[partner].kept;
+      memory.saved = memory_[partner].saved;
     }
     if (const int input = kernels_[n]->listed_input(); input >= 0) {
       const auto [place, added] =
@@ -141,8 +141,7 @@ void Executor::add_memory(const std::vector<int>& differentiated) {
     }
     memory.scratch = add_tensor(node.name + ".scratch");
     node.outputs.push_back(memory.scratch);
-    if (memory.kept != graph::no_tensor)
-      (memory.makes_kept ? node.outputs : node.inputs).push_back(memory.kept);
+    if (memory.saved != graph::no_tensor) (memory.saves ? node.outputs : node.inputs).push_back(memory.saved);
     if (memory.lists != graph::no_tensor)
       (memory.makes_lists ? node.outputs : node.inputs).push_back(memory.lists);
   }
@@ -180,7 +179,7 @@ std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout
   for (std::size_t n = 0; n < kernels_.size(); ++n) {
     const NodeMemory& memory = memory_[n];
     sizes[memory.scratch] = kernels_[n]->scratch_bytes(layout);
-    if (memory.makes_kept) sizes[memory.kept] = kernels_[n]->kept_bytes(layout);
+    if (memory.saves) sizes[memory.saved] = kernels_[n]->saved_bytes(layout);
     if (memory.makes_lists) sizes[memory.lists] = kernels_[n]->list_bytes(layout);
   }
   return sizes;
@@ -277,9 +276,9 @@ void Executor::prepare(const graph::BatchLayout& layout) {
   if (prepared_ && layout == layout_) return;
   prepared_ = false;
   lay_out(layout);
-  const std::vector<Work> before = std::exchange(schedule_.works(), {});
+  const std::vector<Dispatch> before = std::exchange(schedule_.dispatches(), {});
   make_schedule();
-  if (!recorded_ || schedule_.works() != before) {
+  if (!recorded_ || schedule_.dispatches() != before) {
     recorded_ = false;
     record_all();
     recorded_ = true;
@@ -342,8 +341,8 @@ void Executor::add_nodes(Schedule& schedule) const {
     for (std::size_t i = 0; i < memory.inputs; ++i) in.push_back(slots_[node.inputs[i]]);
     for (std::size_t i = 0; i < memory.outputs; ++i) out.push_back(slots_[node.outputs[i]]);
     schedule.begin_node(static_cast<int>(n));
-    kernels_[n]->record({schedule, layout_, tables_, constants_[n], range(memory.scratch), range(memory.kept),
-                         range(memory.lists), memory.makes_lists, in, out});
+    kernels_[n]->record({schedule, layout_, tables_, constants_[n], range(memory.scratch),
+                         range(memory.saved), range(memory.lists), memory.makes_lists, in, out});
   }
   schedule.begin_node(-1);
 }
@@ -380,23 +379,23 @@ void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout
   host_recorder_.bind(host_schedule_);
   host_recorder_.restart();
   host_recorder_.barrier(commands);  // the command buffer may run again and again
-  host_recorder_.record(commands, host_schedule_, 0, host_schedule_.works().size(), {});
+  host_recorder_.record(commands, host_schedule_, 0, host_schedule_.dispatches().size(), {});
 }
 
 void Executor::record_all() {
   submissions_.clear();
-  const auto& works = schedule_.works();
+  const auto& dispatches = schedule_.dispatches();
   std::size_t begin = 0;
   double cost = 0;
-  for (std::size_t w = 0; w < works.size(); ++w) {
-    if (w > begin && cost + works[w].cost > options_.submission_cost) {
+  for (std::size_t w = 0; w < dispatches.size(); ++w) {
+    if (w > begin && cost + dispatches[w].cost > options_.submission_cost) {
       submissions_.push_back({VK_NULL_HANDLE, begin, w});
       begin = w;
       cost = 0;
     }
-    cost += works[w].cost;
+    cost += dispatches[w].cost;
   }
-  submissions_.push_back({VK_NULL_HANDLE, begin, works.size()});
+  submissions_.push_back({VK_NULL_HANDLE, begin, dispatches.size()});
   const auto& buffers = commands_.buffers(submissions_.size());
   recorder_.bind(schedule_);
   recorder_.restart();
@@ -424,7 +423,7 @@ void Executor::run() {
   try {
     for (const Submission& submission : submissions_) {
       for (std::size_t w = submission.begin; w < submission.end; ++w)
-        if (schedule_.works()[w].pipeline) last = schedule_.works()[w].name();
+        if (schedule_.dispatches()[w].pipeline) last = schedule_.dispatches()[w].name();
       commands_.submit(submission.commands);
     }
     commands_.wait();

@@ -75,13 +75,13 @@ class Executor {
  private:
   struct Submission {
     VkCommandBuffer commands;
-    std::size_t begin, end;  // works
+    std::size_t begin, end;  // dispatches
   };
   // Of a node, besides its tensors.
   struct NodeMemory {
     std::size_t inputs = 0, outputs = 0;  // tensors of its own
-    graph::TensorId scratch = graph::no_tensor, kept = graph::no_tensor, lists = graph::no_tensor;
-    bool makes_kept = false, makes_lists = false;
+    graph::TensorId scratch = graph::no_tensor, saved = graph::no_tensor, lists = graph::no_tensor;
+    bool saves = false, makes_lists = false;
   };
   void load(graph::Graph graph);
   // `differentiated`: of every node, its gradient or what it is the gradient of; −1: none.

@@ -17,7 +17,7 @@ constexpr std::uint32_t shared_numbers = 4080;
 
 class HeadKernel : public Kernel {
  public:
-  HeadKernel(const Site& site, const ops::Head& op)
+  HeadKernel(const KernelContext& site, const ops::Head& op)
       : capabilities_(site.context.capabilities()),
         scalars_(channels(op, {0, 0})),
         vectors_(channels(op, {1, 0})),
@@ -59,7 +59,7 @@ class HeadKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Head& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Head& op) {
   return std::make_unique<HeadKernel>(site, op);
 }
 

@@ -21,7 +21,7 @@ enum : int { normed_output, logits_output, weights_output, pieces_output };
 
 class HeadGradient : public Kernel {
  public:
-  HeadGradient(const Site& site, const ops::Gradient<ops::Head>& op)
+  HeadGradient(const KernelContext& site, const ops::Gradient<ops::Head>& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
         scalars_(channels({0, 0})),
@@ -29,10 +29,10 @@ class HeadGradient : public Kernel {
         matrices_(channels({1, 1})),
         pipeline_(
             site.context.pipeline(shader, std::array{work_group, scalars_, vectors_, matrices_,
-                                                     std::uint32_t{op.wanted_at(positions_input) >= 0},
-                                                     std::uint32_t{op.wanted_at(features_input) >= 0}})),
+                                                     std::uint32_t{op.grad_input_at(positions_input) >= 0},
+                                                     std::uint32_t{op.grad_input_at(features_input) >= 0}})),
         sums_(site.context) {
-    if (op.given != std::vector<int>{pieces_output} || !op.constants)
+    if (op.grad_outputs != std::vector<int>{pieces_output} || !op.constants)
       throw Failure(ErrorCode::unsupported, "Vulkan takes the head's gradient with respect to its pieces");
     const ops::Head& head = op.op;
     add_constants(head.norm_weight);
@@ -59,11 +59,12 @@ class HeadGradient : public Kernel {
     const double cost = keys * (20.0 * scalars_ + 24.0 * vectors_ + 36.0 * matrices_);
     for (std::uint32_t first = 0; first < pairs; first += capabilities_.groups) {
       const std::uint32_t count = std::min(pairs - first, capabilities_.groups);
-      args.schedule.dispatch(pipeline_,
-                             {slots.in(positions_input), slots.in(features_input), slots.out(weights_output),
-                              slots.given(pieces_output), args.constants, slots.wanted(positions_input),
-                              slots.wanted(features_input), args.scratch},
-                             HeadParameters{first, keys}, {count, 1, 1}, cost * count);
+      args.schedule.dispatch(
+          pipeline_,
+          {slots.in(positions_input), slots.in(features_input), slots.out(weights_output),
+           slots.grad_output(pieces_output), args.constants, slots.grad_input(positions_input),
+           slots.grad_input(features_input), args.scratch},
+          HeadParameters{first, keys}, {count, 1, 1}, cost * count);
     }
     sums_.record(args.schedule, args.scratch, pairs, slots.constants());
   }
@@ -83,7 +84,7 @@ class HeadGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Head>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Head>& op) {
   return std::make_unique<HeadGradient>(site, op);
 }
 

@@ -9,7 +9,7 @@ constexpr Shader shader{"input_features", spirv::input_features, bindings, sizeo
 
 class InputFeaturesKernel : public Kernel {
  public:
-  InputFeaturesKernel(const Site& site, const ops::InputFeatures& op)
+  InputFeaturesKernel(const KernelContext& site, const ops::InputFeatures& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
         pipeline_(site.context.pipeline(shader, std::array{tile_rows, static_cast<std::uint32_t>(op.colors),
@@ -38,7 +38,7 @@ class InputFeaturesKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::InputFeatures& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::InputFeatures& op) {
   return std::make_unique<InputFeaturesKernel>(site, op);
 }
 

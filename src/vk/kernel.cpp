@@ -16,7 +16,7 @@ void Kernel::add_constants(const Eigen::MatrixXd& matrix) {
     for (Eigen::Index c = 0; c < matrix.cols(); ++c) add_constant(matrix(r, c));
 }
 
-KernelPtr kernel_for(const Site& site, const ops::Op& op) {
+KernelPtr kernel_for(const KernelContext& site, const ops::Op& op) {
   return std::visit(
       [&](const auto& concrete) -> KernelPtr {
         if constexpr (requires { make_kernel(site, concrete); })

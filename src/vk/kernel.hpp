@@ -46,7 +46,7 @@ struct Arguments {
   const Tables& tables;
   Range constants;  ///< of this kernel
   Range scratch;    ///< of this kernel
-  Range kept;       ///< what an operation leaves for its gradient; empty: nothing
+  Range saved;      ///< what an operation leaves for its gradient; empty: nothing
   Range lists;      ///< of Kernel::listed_input(); empty: nobody has made them
   bool make_lists;  ///< this kernel is the one to
   std::span<const Slot> in;
@@ -61,12 +61,16 @@ struct GradientSlots {
 
   const Range& in(int i) const { return args.in[i].range; }
   const Range& out(int i) const { return args.in[op.inputs + i].range; }
-  bool has(int i) const { return op.given_at(i) >= 0; }
-  bool wants(int i) const { return op.wanted_at(i) >= 0; }
+  bool has_grad_output(int i) const { return op.grad_output_at(i) >= 0; }
+  bool needs_input_grad(int i) const { return op.grad_input_at(i) >= 0; }
   /// The gradient of output i; where it is zero, the output itself, to have something to bind.
-  const Range& given(int i) const { return has(i) ? args.in[op.given_at(i)].range : out(i); }
+  const Range& grad_output(int i) const {
+    return has_grad_output(i) ? args.in[op.grad_output_at(i)].range : out(i);
+  }
   /// Where the gradient of input i goes; where none is wanted, scratch memory.
-  const Range& wanted(int i) const { return wants(i) ? args.out[op.wanted_at(i)].range : args.scratch; }
+  const Range& grad_input(int i) const {
+    return needs_input_grad(i) ? args.out[op.grad_input_at(i)].range : args.scratch;
+  }
   const Range& constants() const { return op.constants ? args.out[op.constants_at()].range : args.scratch; }
 };
 
@@ -75,8 +79,8 @@ class Kernel {
   virtual ~Kernel() = default;
   /// Bytes of memory needed while it runs, for a batch of this layout.
   virtual std::size_t scratch_bytes(const graph::BatchLayout&) const { return 0; }
-  /// Bytes it leaves for the gradient of its operation, if the graph has that (Site::kept).
-  virtual std::size_t kept_bytes(const graph::BatchLayout&) const { return 0; }
+  /// Bytes it leaves for the gradient of its operation, if the graph has that (KernelContext::saved).
+  virtual std::size_t saved_bytes(const graph::BatchLayout&) const { return 0; }
   /// Input whose edges it needs in lists, which kernels share that need those of the same tensor and name;
   /// −1: none.
   virtual int listed_input() const { return -1; }
@@ -103,41 +107,41 @@ class Kernel {
 using KernelPtr = std::unique_ptr<Kernel>;
 
 /// What a kernel may know when it is made.
-struct Site {
+struct KernelContext {
   const Context& context;
   std::vector<graph::TensorInfo> in, out;
   const graph::BatchLayout& largest;  ///< a batch with as many rows of every kind as there can be
   /// The graph also has the operation's gradient; of a gradient: its operation has left something for it.
-  bool kept = false;
+  bool saved = false;
 };
 
 // One maker per operation, each in the file of its stem.
-KernelPtr make_kernel(const Site& site, const ops::Knn& op);
-KernelPtr make_kernel(const Site& site, const ops::InputFeatures& op);
-KernelPtr make_kernel(const Site& site, const ops::MergePairs& op);
-KernelPtr make_kernel(const Site& site, const ops::Head& op);
-KernelPtr make_kernel(const Site& site, const ops::ProjectPose& op);
-KernelPtr make_kernel(const Site& site, const ops::MeanDirection& op);
-KernelPtr make_kernel(const Site& site, const ops::PointAttention& op);
-KernelPtr make_kernel(const Site& site, const ops::CloudCoefficients& op);
-KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op);
-KernelPtr make_kernel(const Site& site, const ops::PairAttention& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::MeanDirection>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PairAttention>& op);
-KernelPtr make_kernel(const Site& site, const ops::Loss& op);
-KernelPtr make_kernel(const Site& site, const ops::Sum& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Loss>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::ProjectPose>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Head>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::MergePairs>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::SoftmaxSum>& op);
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::CloudCoefficients>& op);
-KernelPtr make_kernel(const Site& site, const ops::CgProduct& op);
-KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Knn& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::InputFeatures& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::MergePairs& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Head& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::ProjectPose& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::MeanDirection& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::PointAttention& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::CloudCoefficients& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::SoftmaxSum& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::PairAttention& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MeanDirection>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointAttention>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Loss& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Sum& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Loss>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Head>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::CgProduct& op);
+KernelPtr make_kernel(const KernelContext& site, const ops::NeighbourAttention& op);
 
 /// Throws Failure (`unsupported`) for an operation that only the CPU runs.
-KernelPtr kernel_for(const Site& site, const ops::Op& op);
+KernelPtr kernel_for(const KernelContext& site, const ops::Op& op);
 
 /// Runs of tiles whose dispatch costs at most the schedule's bound and fits into one axis of the grid, and
 /// whose rows of `row_bytes`, with `beyond` more after their last, fit into one binding.

@@ -27,7 +27,7 @@ constexpr std::size_t tree_points = 4096;
 
 class KnnKernel : public Kernel {
  public:
-  KnnKernel(const Site& site, const ops::Knn& op)
+  KnnKernel(const KernelContext& site, const ops::Knn& op)
       : op_(checked(op)),
         references_(site.in[1].rows),
         queries_(site.out[0].rows),
@@ -103,6 +103,8 @@ class KnnKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Knn& op) { return std::make_unique<KnnKernel>(site, op); }
+KernelPtr make_kernel(const KernelContext& site, const ops::Knn& op) {
+  return std::make_unique<KnnKernel>(site, op);
+}
 
 }  // namespace bitr::vk

@@ -28,7 +28,7 @@ std::uint32_t checked_keys(const graph::BatchLayout& layout) {
 
 class LossKernel : public Kernel {
  public:
-  LossKernel(const Site& site, const ops::Loss& op)
+  LossKernel(const KernelContext& site, const ops::Loss& op)
       : capabilities_(site.context.capabilities()),
         pipeline_(
             site.context.pipeline(shader, std::array{work_group, static_cast<std::uint32_t>(op.kind)})) {}
@@ -50,14 +50,14 @@ class LossKernel : public Kernel {
 
 class LossGradient : public Kernel {
  public:
-  LossGradient(const Site& site, const ops::Gradient<ops::Loss>& op)
+  LossGradient(const KernelContext& site, const ops::Gradient<ops::Loss>& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
         pipeline_(site.context.pipeline(gradient_shader,
                                         std::array{tile_rows, static_cast<std::uint32_t>(op.op.kind),
-                                                   std::uint32_t{op.wanted_at(estimate_input) >= 0},
-                                                   std::uint32_t{op.wanted_at(keys_input) >= 0}})) {
-    if (op.wanted_at(truth_input) >= 0)
+                                                   std::uint32_t{op.grad_input_at(estimate_input) >= 0},
+                                                   std::uint32_t{op.grad_input_at(keys_input) >= 0}})) {
+    if (op.grad_input_at(truth_input) >= 0)
       throw Failure(ErrorCode::internal, "the loss's gradient with respect to the truth");
   }
 
@@ -70,7 +70,7 @@ class LossGradient : public Kernel {
       const std::uint32_t count = std::min(clouds - first, capabilities_.groups);
       args.schedule.dispatch(pipeline_,
                              {slots.in(estimate_input), slots.in(truth_input), slots.in(keys_input),
-                              slots.wanted(estimate_input), slots.wanted(keys_input)},
+                              slots.grad_input(estimate_input), slots.grad_input(keys_input)},
                              KeyParameters{first, args.layout.pairs(), keys}, {count, 1, 1},
                              20.0 * count * keys * keys);
     }
@@ -85,10 +85,10 @@ class LossGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Loss& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Loss& op) {
   return std::make_unique<LossKernel>(site, op);
 }
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::Loss>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Loss>& op) {
   return std::make_unique<LossGradient>(site, op);
 }
 

@@ -9,7 +9,7 @@ constexpr Shader shader{"mean_direction", spirv::mean_direction, bindings, sizeo
 
 class MeanDirectionKernel : public Kernel {
  public:
-  MeanDirectionKernel(const Site& site, const ops::MeanDirection& op)
+  MeanDirectionKernel(const KernelContext& site, const ops::MeanDirection& op)
       : capabilities_(site.context.capabilities()) {
     const ops::PointAttention& layer = op.general;
     const double c = op.constant;
@@ -49,7 +49,7 @@ class MeanDirectionKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::MeanDirection& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::MeanDirection& op) {
   return std::make_unique<MeanDirectionKernel>(site, op);
 }
 

@@ -11,7 +11,7 @@ constexpr Shader shader{"merge_pairs", spirv::merge_pairs, bindings, sizeof(Merg
 
 class MergePairsKernel : public Kernel {
  public:
-  MergePairsKernel(const Site& site, const ops::MergePairs& op)
+  MergePairsKernel(const KernelContext& site, const ops::MergePairs& op)
       : width_(static_cast<std::uint32_t>(op.merged().size())),
         most_groups_(site.context.capabilities().groups),
         pipeline_(
@@ -36,7 +36,7 @@ class MergePairsKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::MergePairs& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::MergePairs& op) {
   return std::make_unique<MergePairsKernel>(site, op);
 }
 

@@ -13,13 +13,14 @@ constexpr Shader shader{"merge_pairs_gradient", spirv::merge_pairs_gradient, bin
 
 class MergePairsGradient : public Kernel {
  public:
-  MergePairsGradient(const Site& site, const ops::Gradient<ops::MergePairs>& op)
+  MergePairsGradient(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op)
       : op_(op),
         most_groups_(site.context.capabilities().groups),
         pipeline_(site.context.pipeline(
-            shader, std::array{tile_rows, static_cast<std::uint32_t>(op.op.channels),
-                               std::uint32_t{op.given_at(0) >= 0}, std::uint32_t{op.given_at(1) >= 0},
-                               std::uint32_t{op.wanted_at(0) >= 0}, std::uint32_t{op.wanted_at(1) >= 0}})) {}
+            shader,
+            std::array{tile_rows, static_cast<std::uint32_t>(op.op.channels),
+                       std::uint32_t{op.grad_output_at(0) >= 0}, std::uint32_t{op.grad_output_at(1) >= 0},
+                       std::uint32_t{op.grad_input_at(0) >= 0}, std::uint32_t{op.grad_input_at(1) >= 0}})) {}
 
   std::size_t scratch_bytes(const graph::BatchLayout&) const override { return 4 * sizeof(float); }
 
@@ -31,7 +32,8 @@ class MergePairsGradient : public Kernel {
     for (std::uint32_t first = 0; first < groups; first += most_groups_) {
       const std::uint32_t count = std::min(most_groups_, groups - first);
       args.schedule.dispatch(
-          pipeline_, {slots.in(1), slots.given(0), slots.given(1), slots.wanted(0), slots.wanted(1)},
+          pipeline_,
+          {slots.in(1), slots.grad_output(0), slots.grad_output(1), slots.grad_input(0), slots.grad_input(1)},
           MergeParameters{first * tile_rows, nodes}, {count, 1, 1}, 8.0 * count * tile_rows);
     }
   }
@@ -44,7 +46,7 @@ class MergePairsGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::MergePairs>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op) {
   return std::make_unique<MergePairsGradient>(site, op);
 }
 

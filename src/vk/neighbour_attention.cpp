@@ -14,7 +14,7 @@ constexpr std::uint32_t queries_per_group = 8;
 
 class NeighbourAttentionKernel : public Kernel {
  public:
-  NeighbourAttentionKernel(const Site& site, const ops::NeighbourAttention& op)
+  NeighbourAttentionKernel(const KernelContext& site, const ops::NeighbourAttention& op)
       : op_(op),
         heads_(static_cast<std::uint32_t>(site.in[0].per_row)),
         pipeline_(site.context.pipeline(
@@ -49,7 +49,7 @@ class NeighbourAttentionKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::NeighbourAttention& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::NeighbourAttention& op) {
   return std::make_unique<NeighbourAttentionKernel>(site, op);
 }
 

@@ -16,18 +16,18 @@ constexpr std::uint32_t work_group = 32;
 // Messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
 // Of messages for the gradient, which makes them again where there are more.
-constexpr std::size_t most_kept = std::size_t{64} << 20;
+constexpr std::size_t most_saved = std::size_t{64} << 20;
 
 std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 
 class PairAttentionKernel : public Kernel {
  public:
-  PairAttentionKernel(const Site& site, const ops::PairAttention& op)
+  PairAttentionKernel(const KernelContext& site, const ops::PairAttention& op)
       : op_(without_tables(op)),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         messages_(site, op),
-        keeps_(site.kept && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_kept),
+        saves_(site.saved && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_saved),
         one_run_(site.largest.rows(graph::Rows::pair_key) <= run_nodes()) {
     require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
                         number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
@@ -41,8 +41,8 @@ class PairAttentionKernel : public Kernel {
     const std::size_t nodes = std::min<std::size_t>(layout.rows(graph::Rows::pair_key), run_nodes());
     return rare_offset(nodes) + 3 * edge_bytes(nodes, 2);
   }
-  std::size_t kept_bytes(const graph::BatchLayout& layout) const override {
-    return keeps_ ? messages_.bytes(layout.rows(graph::Rows::pair_key)) : 0;
+  std::size_t saved_bytes(const graph::BatchLayout& layout) const override {
+    return saves_ ? messages_.bytes(layout.rows(graph::Rows::pair_key)) : 0;
   }
 
   // All layers have the same order, if their edges go in one run.
@@ -69,8 +69,9 @@ class PairAttentionKernel : public Kernel {
     const Slot &features = args.in[0], &index = args.in[1], &positions = args.in[2];
     const std::uint32_t edges = run.nodes * k_;
     const Range run_index = index.range.sub(4ull * k_ * run.first_node, 4ull * edges);
-    const Range messages = keeps_ ? args.kept.sub(messages_.bytes(run.first_node), messages_.bytes(run.nodes))
-                                  : args.scratch.sub(0, messages_.bytes(run.nodes));
+    const Range messages = saves_
+                               ? args.saved.sub(messages_.bytes(run.first_node), messages_.bytes(run.nodes))
+                               : args.scratch.sub(0, messages_.bytes(run.nodes));
     const std::size_t begin = rare_offset(run.nodes), bytes = edge_bytes(run.nodes, 2);
     const Range rare = args.scratch.sub(begin, 4ull * edges),
                 keys = args.scratch.sub(begin + bytes, 8ull * edges),
@@ -94,14 +95,14 @@ class PairAttentionKernel : public Kernel {
     return (sizeof(std::uint32_t) * numbers * nodes * k_ + 255) / 256 * 256;
   }
   std::size_t rare_offset(std::size_t nodes) const {
-    return keeps_ ? 0 : (messages_.bytes(nodes) + 255) / 256 * 256;
+    return saves_ ? 0 : (messages_.bytes(nodes) + 255) / 256 * 256;
   }
 
   const ops::PairAttention op_;
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   PairMessages messages_;
-  const bool keeps_;    // messages, for the gradient
+  const bool saves_;    // messages, for the gradient
   const bool one_run_;  // does for all edges there can be
   ConstantPart weights_;
   const Pipeline* attention_pipeline_ = nullptr;
@@ -109,7 +110,7 @@ class PairAttentionKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::PairAttention& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::PairAttention& op) {
   return std::make_unique<PairAttentionKernel>(site, op);
 }
 

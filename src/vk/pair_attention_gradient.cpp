@@ -103,12 +103,12 @@ struct Kind {
 
 class PairGradientKernel : public Kernel {
  public:
-  PairGradientKernel(const Site& site, const ops::Gradient<ops::PairAttention>& gradient)
+  PairGradientKernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& gradient)
       : gradient_(gradient),
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
-        kept_(site.kept),
+        saved_(site.saved),
         messages_(site, op_),
         sum_lanes_(std::clamp(capabilities_.subgroup_size, 8u, work_group)) {
     for (const ops::SectorTable& table : op_.tables)
@@ -136,7 +136,7 @@ class PairGradientKernel : public Kernel {
   }
 
   int listed_input() const override {
-    return gradient_.wanted_at(0) >= 0 || gradient_.wanted_at(2) >= 0 ? 1 : -1;
+    return gradient_.grad_input_at(0) >= 0 || gradient_.grad_input_at(2) >= 0 ? 1 : -1;
   }
   std::size_t list_bytes(const graph::BatchLayout& layout) const override {
     const std::size_t rows = layout.rows(graph::Rows::pair_key);
@@ -197,7 +197,7 @@ class PairGradientKernel : public Kernel {
   }
 
   void lay_out_record() {
-    const DegreeVectors given = vectors(op_.fiber_out), mixed = vectors(op_.fiber_out),
+    const DegreeVectors grad_output = vectors(op_.fiber_out), mixed = vectors(op_.fiber_out),
                         linear = vectors(op_.fiber_out), sum = vectors(op_.value_fiber),
                         query = vectors(op_.key_fiber), feature = vectors(op_.fiber_in);
     own_ = record_size_;
@@ -214,8 +214,8 @@ class PairGradientKernel : public Kernel {
       }
     };
     add_all(op_.query, query, feature);
-    add_all(op_.project, given, sum);
-    add_all(op_.self, given, feature);
+    add_all(op_.project, grad_output, sum);
+    add_all(op_.self, grad_output, feature);
     add_all(op_.planes, mixed, linear);
   }
 
@@ -353,8 +353,8 @@ class PairGradientKernel : public Kernel {
       return range;
     };
     const std::size_t tables = messages_.tables();
-    memory.messages = take(kept_ ? 0 : edges * messages_.stride());
-    memory.rare = take(kept_ ? 0 : edges);
+    memory.messages = take(saved_ ? 0 : edges * messages_.stride());
+    memory.rare = take(saved_ ? 0 : edges);
     memory.keys = take(2 * edges);
     memory.order = take(2 * edges);
     memory.d_messages = take(edges * messages_.stride());
@@ -379,10 +379,10 @@ class PairGradientKernel : public Kernel {
                         edges = nodes * k_, tables = messages_.tables();
     const Range features = args.in[0].range, positions = args.in[2].range,
                 index = args.in[1].range.sub(4ull * k_ * first_node, 4ull * edges),
-                given = args.in[gradient_.given_at(0)].range,
+                grad_output = args.in[gradient_.grad_output_at(0)].range,
                 result = args.out[gradient_.constants_at()].range;
     const PairParameters run{first_node, nodes};
-    if (kept_) m.messages = args.kept.sub(messages_.bytes(first_node), messages_.bytes(nodes));
+    if (saved_) m.messages = args.saved.sub(messages_.bytes(first_node), messages_.bytes(nodes));
     const auto dispatch = [&](const Pipeline& pipeline, const std::vector<Range>& ranges,
                               std::array<std::uint32_t, 3> groups, double cost, std::uint32_t block = 0) {
       args.schedule.dispatch(pipeline, ranges,
@@ -393,10 +393,10 @@ class PairGradientKernel : public Kernel {
     const double cost = 10.0 * op_.coefficient_count * edges;
 
     messages_.record_order(args, run, index, positions, m.keys, m.order);
-    if (!kept_) messages_.record(args, run, features, index, positions, m.order, m.messages, m.rare);
+    if (!saved_) messages_.record(args, run, features, index, positions, m.order, m.messages, m.rare);
     args.schedule.dispatch(*node_pipeline_,
-                           {features, m.messages, weights_.of(args), given, m.record, m.d_messages}, run,
-                           {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
+                           {features, m.messages, weights_.of(args), grad_output, m.record, m.d_messages},
+                           run, {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
     std::uint32_t channels = 0;
     for (const auto& [d, c] : fiber_) channels = std::max(channels, number(c));
     dispatch(*turn_pipeline_, {features, m.order, positions, m.d_messages, m.turned, m.d_turned},
@@ -434,9 +434,9 @@ class PairGradientKernel : public Kernel {
     const OuterSums::Memory sums{jobs_.of(args), places_.of(args), m.partials};
     products_.record_sums(args, sums, m.record, table, first_tile, tiles, first_node);
     const EdgeGather::Run tile_run{first_tile, tiles, first_node, first_node * k_};
-    if (const int to = gradient_.wanted_at(0); to >= 0)
+    if (const int to = gradient_.grad_input_at(0); to >= 0)
       features_->record(args, tile_run, lists, m.edges, m.record, table, args.out[to].range);
-    if (const int to = gradient_.wanted_at(2); to >= 0)
+    if (const int to = gradient_.grad_input_at(2); to >= 0)
       positions_->record(args, tile_run, lists, m.edges, m.record, table, args.out[to].range);
   }
 
@@ -451,7 +451,7 @@ class PairGradientKernel : public Kernel {
   const std::uint32_t k_;
   const Capabilities& capabilities_;
   const irreps::Fiber fiber_;  // messages: [values ; keys]
-  const bool kept_;            // the messages, by the operation itself
+  const bool saved_;           // the messages, by the operation itself
   PairMessages messages_;
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                      // vec4s
@@ -470,7 +470,7 @@ class PairGradientKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PairAttention>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& op) {
   return std::make_unique<PairGradientKernel>(site, op);
 }
 

@@ -46,7 +46,7 @@ void require_shared(std::uint32_t bytes) {
                                               std::to_string(most_shared));
 }
 
-PairMessages::PairMessages(const Site& site, const ops::PairAttention& op)
+PairMessages::PairMessages(const KernelContext& site, const ops::PairAttention& op)
     : op_(without_tables(op)),
       k_(number(site.in[1].per_row)),
       capabilities_(site.context.capabilities()),

@@ -15,7 +15,7 @@ struct ConstantPart {
 class PairMessages {
  public:
   /// Throws Failure (`unsupported`) for a layer that is too wide for the device.
-  PairMessages(const Site& site, const ops::PairAttention& op);
+  PairMessages(const KernelContext& site, const ops::PairAttention& op);
 
   /// Matrices of the layer's attention, by degree: query, project, self (if any), planes (if any).
   std::vector<Eigen::MatrixXd> weights() const;

@@ -22,16 +22,16 @@ constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vec
                         relu_square = 32, keeps_sums = 64;
 
 // Of sums for the gradient, which makes them again where there are more.
-constexpr std::size_t most_kept = std::size_t{64} << 20;
+constexpr std::size_t most_saved = std::size_t{64} << 20;
 
 class PointAttentionKernel : public Kernel {
  public:
-  PointAttentionKernel(const Site& site, const ops::PointAttention& op)
+  PointAttentionKernel(const KernelContext& site, const ops::PointAttention& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
         row_bytes_(sizeof(float) * padded(site.out[0].width)),
         rows_(site.out[0].rows),
-        keeps_(site.kept && kept_row_bytes(op) * site.largest.rows(rows_) <= most_kept) {
+        saves_(site.saved && saved_row_bytes(op) * site.largest.rows(rows_) <= most_saved) {
     for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
     pad_constants(4);
     if (!op.per_cloud)
@@ -41,8 +41,8 @@ class PointAttentionKernel : public Kernel {
     pipeline_ = &site.context.pipeline(capabilities_.texels ? texel_shader : shader, specializations(site));
   }
 
-  std::size_t kept_bytes(const graph::BatchLayout& layout) const override {
-    return keeps_ ? kept_row_bytes(op_) * layout.rows(rows_) : 0;
+  std::size_t saved_bytes(const graph::BatchLayout& layout) const override {
+    return saves_ ? saved_row_bytes(op_) * layout.rows(rows_) : 0;
   }
 
   void record(const Arguments& args) const override {
@@ -57,20 +57,20 @@ class PointAttentionKernel : public Kernel {
       args.schedule.dispatch(*pipeline_,
                              {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
                               op_.per_cloud ? args.in[4].range : features.range, table.tiles, rows,
-                              args.constants, keeps_ ? args.kept : rows},
+                              args.constants, saves_ ? args.saved : rows},
                              PointParameters{run.first, run.first_row}, {run.count, 1, 1},
                              cost * (run.end_row - run.first_row));
     }
   }
 
  private:
-  std::array<std::uint32_t, 9> specializations(const Site& site) const {
+  std::array<std::uint32_t, 9> specializations(const KernelContext& site) const {
     const ops::PointAttention& op = op_;
     const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
                                 (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
                                 (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
-                                (keeps_ ? keeps_sums : 0u);
+                                (saves_ ? keeps_sums : 0u);
     return {tile_rows,
             number(site.in[1].per_row),
             number(op.c0),
@@ -87,12 +87,12 @@ class PointAttentionKernel : public Kernel {
   const Capabilities& capabilities_;
   const std::size_t row_bytes_;  // of the result
   const graph::Rows rows_;
-  const bool keeps_;  // its sums, for the gradient
+  const bool saves_;  // its sums, for the gradient
 };
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::PointAttention& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::PointAttention& op) {
   return std::make_unique<PointAttentionKernel>(site, op);
 }
 

@@ -90,14 +90,15 @@ struct Record {
 
 class PointGradientKernel : public Kernel {
  public:
-  PointGradientKernel(const Site& site, const ops::PointAttention& op, const PointGradientSlots& slots)
+  PointGradientKernel(const KernelContext& site, const ops::PointAttention& op,
+                      const PointGradientSlots& slots)
       : op_(op),
         slots_(slots),
         capabilities_(site.context.capabilities()),
         layout_(op),
         k_(number(site.in[slots.index].per_row)),
-        kept_(site.kept),
-        rows_(site.in[slots.given].rows),
+        saved_(site.saved),
+        rows_(site.in[slots.grad_output].rows),
         points_(site.in[slots.neighbours].rows) {
     if (op.per_cloud && (op.relu || slots.d_centres >= 0 || slots.d_constants >= 0))
       throw Failure(ErrorCode::unsupported,
@@ -225,9 +226,9 @@ class PointGradientKernel : public Kernel {
                                     number(op.m0),
                                     number(op.m1),
                                     number(op.heads),
-                                    flags | (zero    ? zero_edges
-                                             : kept_ ? kept_sums
-                                                     : 0u),
+                                    flags | (zero     ? zero_edges
+                                             : saved_ ? kept_sums
+                                                      : 0u),
                                     static_cast<std::uint32_t>(weights_.bytes / 16)};
       sum_pipelines_[zero] = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader, sizes);
       gradient_pipelines_[zero] =
@@ -335,8 +336,8 @@ class PointGradientKernel : public Kernel {
       }
     };
     const Range weights = weights_.of(args);
-    std::vector<Range> sums = with({args.in[slots_.given].range, records, weights}), all_sums = sums;
-    if (kept_) sums[3] = args.kept;
+    std::vector<Range> sums = with({args.in[slots_.grad_output].range, records, weights}), all_sums = sums;
+    if (saved_) sums[3] = args.saved;
     dispatch(sum_pipelines_, {&sums, &all_sums}, 1);
     const std::vector<Range> gradients = with({records, edges, weights});
     dispatch(gradient_pipelines_, {&gradients, &gradients}, 4);
@@ -347,7 +348,7 @@ class PointGradientKernel : public Kernel {
   const Capabilities& capabilities_;
   const Record layout_;
   const std::uint32_t k_;
-  const bool kept_;  // what the layer sums over edges, by itself
+  const bool saved_;  // what the layer sums over edges, by itself
   const graph::Rows rows_, points_;
   OuterSums products_;
   Part weights_{}, jobs_{}, places_{};
@@ -358,18 +359,18 @@ class PointGradientKernel : public Kernel {
 
 }  // namespace
 
-std::size_t kept_row_bytes(const ops::PointAttention& op) {
+std::size_t saved_row_bytes(const ops::PointAttention& op) {
   return 16 * (std::size_t{quads(op.heads * op.n0())} + 3 * quads(op.m1 > 0 ? op.heads * op.n1() : 0) + 1 +
                static_cast<std::size_t>(op.heads));
 }
 
-KernelPtr make_point_gradient(const Site& site, const ops::PointAttention& op,
+KernelPtr make_point_gradient(const KernelContext& site, const ops::PointAttention& op,
                               const PointGradientSlots& slots) {
   return std::make_unique<PointGradientKernel>(site, op, slots);
 }
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>& op) {
-  if (op.wanted_at(3) >= 0)
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointAttention>& op) {
+  if (op.grad_input_at(3) >= 0)
     throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");
   return make_point_gradient(site, op.op,
                              {.features = 0,
@@ -377,10 +378,10 @@ KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::PointAttention>
                               .centres = 2,
                               .neighbours = 3,
                               .coefficients = op.op.per_cloud ? 4 : -1,
-                              .given = op.given_at(0),
-                              .d_features = op.wanted_at(0),
-                              .d_centres = op.wanted_at(2),
-                              .d_coefficients = op.op.per_cloud ? op.wanted_at(4) : -1,
+                              .grad_output = op.grad_output_at(0),
+                              .d_features = op.grad_input_at(0),
+                              .d_centres = op.grad_input_at(2),
+                              .d_coefficients = op.op.per_cloud ? op.grad_input_at(4) : -1,
                               .d_constants = op.constants_at()});
 }
 

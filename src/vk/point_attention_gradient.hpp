@@ -9,15 +9,15 @@ namespace bitr::vk {
 
 /// Places of tensors among a node's inputs and outputs; −1: none.
 struct PointGradientSlots {
-  int features = -1, index = -1, centres = -1, neighbours = -1, coefficients = -1, given = -1;
+  int features = -1, index = -1, centres = -1, neighbours = -1, coefficients = -1, grad_output = -1;
   int d_features = -1, d_centres = -1, d_coefficients = -1, d_constants = -1;
   std::optional<double> constant = {};  ///< the feature of all points, if there is no tensor of them
 };
 
 /// Bytes of what point_attention.comp keeps of a row for the gradient.
-std::size_t kept_row_bytes(const ops::PointAttention& op);
+std::size_t saved_row_bytes(const ops::PointAttention& op);
 
-KernelPtr make_point_gradient(const Site& site, const ops::PointAttention& op,
+KernelPtr make_point_gradient(const KernelContext& site, const ops::PointAttention& op,
                               const PointGradientSlots& slots);
 
 }  // namespace bitr::vk

@@ -9,7 +9,7 @@ constexpr Shader shader{"pose", spirv::pose, bindings, sizeof(SegmentParameters)
 
 class ProjectPoseKernel : public Kernel {
  public:
-  explicit ProjectPoseKernel(const Site& site)
+  explicit ProjectPoseKernel(const KernelContext& site)
       : pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {}
 
   void record(const Arguments& args) const override {
@@ -24,7 +24,7 @@ class ProjectPoseKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::ProjectPose&) {
+KernelPtr make_kernel(const KernelContext& site, const ops::ProjectPose&) {
   return std::make_unique<ProjectPoseKernel>(site);
 }
 

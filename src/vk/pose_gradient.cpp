@@ -10,16 +10,16 @@ constexpr Shader shader{"pose_gradient", spirv::pose_gradient, bindings, sizeof(
 
 class ProjectPoseGradient : public Kernel {
  public:
-  ProjectPoseGradient(const Site& site, const ops::Gradient<ops::ProjectPose>& op)
+  ProjectPoseGradient(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op)
       : op_(op), pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {
-    if (op.given_at(0) < 0 || op.wanted_at(0) < 0)
+    if (op.grad_output_at(0) < 0 || op.grad_input_at(0) < 0)
       throw Failure(ErrorCode::internal, "a pose's gradient that nothing needs");
   }
 
   void record(const Arguments& args) const override {
     const GradientSlots<ops::ProjectPose> slots{op_, args};
     const std::uint32_t pairs = args.layout.pairs();
-    args.schedule.dispatch(pipeline_, {slots.in(0), slots.out(0), slots.given(0), slots.wanted(0)},
+    args.schedule.dispatch(pipeline_, {slots.in(0), slots.out(0), slots.grad_output(0), slots.grad_input(0)},
                            SegmentParameters{0, pairs}, {(pairs + tile_rows - 1) / tile_rows, 1, 1},
                            500.0 * pairs);
   }
@@ -31,7 +31,7 @@ class ProjectPoseGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::ProjectPose>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op) {
   return std::make_unique<ProjectPoseGradient>(site, op);
 }
 

@@ -8,7 +8,7 @@
 namespace bitr::vk {
 namespace {
 
-bool conflict(const Work& earlier, const Work& later) {
+bool conflict(const Dispatch& earlier, const Dispatch& later) {
   for (std::size_t i = 0; i < earlier.ranges.size(); ++i)
     for (std::size_t j = 0; j < later.ranges.size(); ++j)
       if ((earlier.writes(i) || later.writes(j)) && earlier.ranges[i].overlaps(later.ranges[j])) return true;
@@ -17,13 +17,13 @@ bool conflict(const Work& earlier, const Work& later) {
 
 }  // namespace
 
-bool Work::writes(std::size_t i) const {
+bool Dispatch::writes(std::size_t i) const {
   if (!pipeline) return i == 1;
   const Access access = pipeline->shader->bindings[i];
   return access == Access::write || access == Access::modify;
 }
 
-void Schedule::add(Work work, std::size_t push_bytes) {
+void Schedule::add(Dispatch work, std::size_t push_bytes) {
   const Shader& shader = *work.pipeline->shader;
   if (push_bytes != shader.push_bytes || work.ranges.size() != shader.bindings.size())
     throw Failure(ErrorCode::internal, std::string(shader.name) + ": bindings or parameters do not match it");
@@ -33,36 +33,36 @@ void Schedule::add(Work work, std::size_t push_bytes) {
                                            " work groups along an axis, at most " +
                                            std::to_string(most_groups_) + " fit");
   if (work.groups[0] == 0 || work.groups[1] == 0 || work.groups[2] == 0) return;
-  works_.push_back(std::move(work));
+  dispatches_.push_back(std::move(work));
 }
 
 void Schedule::copy(const Range& from, const Range& to) {
-  works_.push_back({nullptr, {from, to}, {}, {1, 1, 1}, 0, node_});
+  dispatches_.push_back({nullptr, {from, to}, {}, {1, 1, 1}, 0, node_});
 }
 
 void Schedule::shuffle(std::uint64_t seed) {
   Random random(seed);
-  std::vector<Work> ordered;
-  std::vector<std::size_t> waiting(works_.size(), 0);  // earlier works each still waits for
-  std::vector<std::vector<std::size_t>> followers(works_.size());
-  for (std::size_t later = 0; later < works_.size(); ++later)
+  std::vector<Dispatch> ordered;
+  std::vector<std::size_t> waiting(dispatches_.size(), 0);  // earlier dispatches each still waits for
+  std::vector<std::vector<std::size_t>> followers(dispatches_.size());
+  for (std::size_t later = 0; later < dispatches_.size(); ++later)
     for (std::size_t earlier = 0; earlier < later; ++earlier)
-      if (conflict(works_[earlier], works_[later])) {
+      if (conflict(dispatches_[earlier], dispatches_[later])) {
         followers[earlier].push_back(later);
         ++waiting[later];
       }
   std::vector<std::size_t> ready;
-  for (std::size_t i = 0; i < works_.size(); ++i)
+  for (std::size_t i = 0; i < dispatches_.size(); ++i)
     if (waiting[i] == 0) ready.push_back(i);
   while (!ready.empty()) {
     std::swap(ready[random.below(ready.size())], ready.back());
     const std::size_t next = ready.back();
     ready.pop_back();
-    ordered.push_back(works_[next]);
+    ordered.push_back(dispatches_[next]);
     for (std::size_t follower : followers[next])
       if (--waiting[follower] == 0) ready.push_back(follower);
   }
-  works_ = std::move(ordered);
+  dispatches_ = std::move(ordered);
 }
 
 Recorder::~Recorder() {
@@ -95,7 +95,7 @@ void Recorder::bind(const Schedule& schedule) {
   const DeviceFunctions& vk = context_.vk();
   destroy_views();
   std::uint32_t sets = 0, storage = 0, uniform = 0, texels = 0;
-  for (const Work& work : schedule.works()) {
+  for (const Dispatch& work : schedule.dispatches()) {
     if (!work.pipeline) continue;
     ++sets;
     for (const Access access : work.pipeline->shader->bindings)
@@ -124,9 +124,9 @@ void Recorder::bind(const Schedule& schedule) {
     check(vk.ResetDescriptorPool(context_.device(), pool_, 0), "vkResetDescriptorPool");
   }
 
-  sets_.assign(schedule.works().size(), VK_NULL_HANDLE);
-  for (std::size_t w = 0; w < schedule.works().size(); ++w) {
-    const Work& work = schedule.works()[w];
+  sets_.assign(schedule.dispatches().size(), VK_NULL_HANDLE);
+  for (std::size_t w = 0; w < schedule.dispatches().size(); ++w) {
+    const Dispatch& work = schedule.dispatches()[w];
     if (!work.pipeline) continue;
     const VkDescriptorSetAllocateInfo allocate{.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO,
                                                .pNext = nullptr,
@@ -167,7 +167,7 @@ void Recorder::bind(const Schedule& schedule) {
   }
 }
 
-bool Recorder::conflicts(const Work& work) const {
+bool Recorder::conflicts(const Dispatch& work) const {
   for (std::size_t i = 0; i < work.ranges.size(); ++i)
     for (const Touched& touched : pending_)
       if ((touched.written || work.writes(i)) && touched.range.overlaps(work.ranges[i])) return true;
@@ -207,9 +207,9 @@ void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::s
       vk.CmdWriteTimestamp(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, options.timestamps,
                            2 * static_cast<std::uint32_t>(node) + which);
   };
-  const auto& works = schedule.works();
+  const auto& dispatches = schedule.dispatches();
   for (std::size_t w = begin; w < end; ++w) {
-    const Work& work = works[w];
+    const Dispatch& work = dispatches[w];
     if (conflicts(work) || (options.barriers == Barriers::after_all_work && w > 0)) barrier(commands);
     for (std::size_t i = 0; i < work.ranges.size(); ++i) pending_.push_back({work.ranges[i], work.writes(i)});
 
@@ -219,7 +219,7 @@ void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::s
       ++counters_.copies;
       continue;
     }
-    if (w == 0 || works[w - 1].node != work.node) stamp(work.node, 0);
+    if (w == 0 || dispatches[w - 1].node != work.node) stamp(work.node, 0);
     vk.CmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, work.pipeline->pipeline);
     vk.CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, work.pipeline->layout, 0, 1, &sets_[w],
                              0, nullptr);
@@ -228,7 +228,7 @@ void Recorder::record(VkCommandBuffer commands, const Schedule& schedule, std::s
                           work.push.data());
     vk.CmdDispatch(commands, work.groups[0], work.groups[1], work.groups[2]);
     ++counters_.dispatches;
-    if (w + 1 == works.size() || works[w + 1].node != work.node) stamp(work.node, 1);
+    if (w + 1 == dispatches.size() || dispatches[w + 1].node != work.node) stamp(work.node, 1);
   }
 }
 

@@ -27,7 +27,7 @@ struct Range {
   bool operator==(const Range&) const = default;
 };
 
-struct Work {
+struct Dispatch {
   const Pipeline* pipeline = nullptr;  ///< null: a copy from `ranges[0]` to `ranges[1]`
   std::vector<Range> ranges;           ///< in the order of the shader's bindings
   std::array<std::byte, 128> push{};
@@ -37,7 +37,7 @@ struct Work {
 
   bool writes(std::size_t i) const;
   const char* name() const { return pipeline ? pipeline->shader->name : "copy"; }
-  bool operator==(const Work&) const = default;
+  bool operator==(const Dispatch&) const = default;
 };
 
 enum class Barriers {
@@ -58,7 +58,7 @@ class Schedule {
   void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, const Parameters& parameters,
                 std::array<std::uint32_t, 3> groups, double cost) {
     static_assert(sizeof(Parameters) <= 128);
-    Work work{&pipeline, std::move(ranges), {}, groups, cost, node_};
+    Dispatch work{&pipeline, std::move(ranges), {}, groups, cost, node_};
     std::memcpy(work.push.data(), &parameters, sizeof parameters);
     add(std::move(work), sizeof parameters);
   }
@@ -69,17 +69,17 @@ class Schedule {
   }
   void copy(const Range& from, const Range& to);
 
-  /// Work added from here on belongs to this node.
+  /// Dispatch added from here on belongs to this node.
   void begin_node(int node) { node_ = node; }
-  const std::vector<Work>& works() const { return works_; }
-  std::vector<Work>& works() { return works_; }
-  void clear() { works_.clear(); }
+  const std::vector<Dispatch>& dispatches() const { return dispatches_; }
+  std::vector<Dispatch>& dispatches() { return dispatches_; }
+  void clear() { dispatches_.clear(); }
   /// A random order in which everything still meets the data it met in the given one.
   void shuffle(std::uint64_t seed);
 
  private:
-  void add(Work work, std::size_t push_bytes);
-  std::vector<Work> works_;
+  void add(Dispatch work, std::size_t push_bytes);
+  std::vector<Dispatch> dispatches_;
   int node_ = -1;
   std::uint32_t most_groups_;
 };
@@ -99,7 +99,7 @@ class Recorder {
 
   /// Descriptor sets for the whole schedule, replacing those of an earlier one.
   void bind(const Schedule& schedule);
-  /// Records works [begin, end) of the schedule last bound. Hazards carry over from one range to the next.
+  /// Records dispatches [begin, end) of the schedule last bound. Hazards carry over from one range to the next.
   void record(VkCommandBuffer commands, const Schedule& schedule, std::size_t begin, std::size_t end,
               const Options& options);
   /// Everything recorded before it happens before everything after it.
@@ -115,7 +115,7 @@ class Recorder {
     Range range;
     bool written;
   };
-  bool conflicts(const Work& work) const;
+  bool conflicts(const Dispatch& work) const;
   VkBufferView view(const Range& range);
   void destroy_views();
 

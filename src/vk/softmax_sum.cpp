@@ -26,7 +26,7 @@ struct Sum {
 
 class SoftmaxSumKernel : public Kernel {
  public:
-  SoftmaxSumKernel(const Site& site, const ops::SoftmaxSum& op)
+  SoftmaxSumKernel(const KernelContext& site, const ops::SoftmaxSum& op)
       : capabilities_(site.context.capabilities()), logit_bytes_(sizeof(float) * padded(site.in[0].width)) {
     const auto channels = static_cast<std::uint32_t>(op.channels);
     for (std::size_t i = 0; i < op.skip.size(); ++i) {
@@ -92,7 +92,7 @@ class SoftmaxSumKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::SoftmaxSum& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::SoftmaxSum& op) {
   return std::make_unique<SoftmaxSumKernel>(site, op);
 }
 

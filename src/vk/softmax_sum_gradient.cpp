@@ -21,11 +21,11 @@ constexpr std::uint32_t work_group = 128;
 constexpr int most_channels = 1024, most_columns = 256;  // of the shader
 
 // FLAGS of the shader.
-constexpr std::uint32_t logits = 1, more = 2, values = 4, given = 8;
+constexpr std::uint32_t logits = 1, more = 2, values = 4, grad_output = 8;
 
 class SoftmaxSumGradient : public Kernel {
  public:
-  SoftmaxSumGradient(const Site& site, const ops::Gradient<ops::SoftmaxSum>& op)
+  SoftmaxSumGradient(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op)
       : op_(op), capabilities_(site.context.capabilities()), stride_(padded(site.in[0].width)) {
     const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     normaliser_ = &site.context.pipeline(normaliser_shader, std::array{work_group, stride_});
@@ -37,9 +37,9 @@ class SoftmaxSumGradient : public Kernel {
                       "the gradient of " + std::to_string(op.op.channels) + " softmaxes over " +
                           std::to_string(columns) + " columns; Vulkan takes up to " +
                           std::to_string(most_channels) + " and " + std::to_string(most_columns));
-      std::uint32_t flags = op.given_at(i) >= 0 ? given : 0;
-      if (op.wanted_at(0) >= 0 && op.given_at(i) >= 0) flags |= logits | added;
-      if (op.wanted_at(i + 1) >= 0) flags |= values;
+      std::uint32_t flags = op.grad_output_at(i) >= 0 ? grad_output : 0;
+      if (op.grad_input_at(0) >= 0 && op.grad_output_at(i) >= 0) flags |= logits | added;
+      if (op.grad_input_at(i + 1) >= 0) flags |= values;
       if (flags & logits) added = more;
       columns_.push_back(columns);
       pipelines_.push_back(
@@ -70,7 +70,7 @@ class SoftmaxSumGradient : public Kernel {
       for (const TileRun& run : tile_runs(points, capabilities_, cost))
         args.schedule.dispatch(*pipelines_[i],
                                {slots.in(0), args.scratch, points.tiles, slots.in(i + 1), slots.out(i),
-                                slots.given(i), slots.wanted(0), slots.wanted(i + 1)},
+                                slots.grad_output(i), slots.grad_input(0), slots.grad_input(i + 1)},
                                TileParameters{run.first}, {run.count, 1, 1},
                                cost * (run.end_row - run.first_row));
     }
@@ -87,7 +87,7 @@ class SoftmaxSumGradient : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Gradient<ops::SoftmaxSum>& op) {
+KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op) {
   return std::make_unique<SoftmaxSumGradient>(site, op);
 }
 

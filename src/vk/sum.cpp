@@ -16,7 +16,7 @@ constexpr VkDeviceSize item_bytes = 4 * sizeof(float);
 
 class SumKernel : public Kernel {
  public:
-  explicit SumKernel(const Site& site) : capabilities_(site.context.capabilities()) {
+  explicit SumKernel(const KernelContext& site) : capabilities_(site.context.capabilities()) {
     for (std::size_t first = 0; first < site.in.size(); first += most_terms) {
       const std::size_t count = std::min(most_terms, site.in.size() - first);
       pipelines_.push_back(&site.context.pipeline(
@@ -50,6 +50,8 @@ class SumKernel : public Kernel {
 
 }  // namespace
 
-KernelPtr make_kernel(const Site& site, const ops::Sum&) { return std::make_unique<SumKernel>(site); }
+KernelPtr make_kernel(const KernelContext& site, const ops::Sum&) {
+  return std::make_unique<SumKernel>(site);
+}
 
 }  // namespace bitr::vk

@@ -124,7 +124,7 @@ class EveryOp : public testing::TestWithParam<Case> {
 
   model::Weights weights_;
   std::optional<test::CloudBatch> batch_;
-  cpu::ThreadPool pool_{2}, three_{3};
+  ThreadPool pool_{2}, three_{3};
   std::map<std::size_t, double> worst_;
 };
 

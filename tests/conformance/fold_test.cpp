@@ -30,7 +30,8 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
     Random random(700 + GetParam());
     for (const ModelConfig& config : configs) {
       SCOPED_TRACE(model::to_json(config));
-      const auto least = static_cast<std::size_t>(std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
+      const auto least = static_cast<std::size_t>(
+          std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
       test::CloudBatch batch(random, {{least, least + 7}, {least + 1, least}});
       if (duplicates) batch.add_duplicates(duplicates);
       batch.scale(scale);
@@ -102,7 +103,7 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
     return least;
   }
 
-  cpu::ThreadPool pool_{2};
+  ThreadPool pool_{2};
   Bounds worst_{0, 0, 0};
 };
 

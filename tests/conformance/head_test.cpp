@@ -58,7 +58,7 @@ class Head : public testing::Test {
     const auto out = [](Rows kind, int width) { return OpTensor{kind, 1, width, false, {}, {}}; };
     const std::vector<OpTensor> outputs = {out(Rows::pair_key, shape.scalars), out(Rows::pair_key, 3),
                                            out(Rows::pair_key, 3), out(Rows::pair, ops::piece_count)};
-    cpu::ThreadPool pool(1);
+    ThreadPool pool(1);
     const auto exact = test::run_op<double>(op, layout, {positions, features}, outputs, pool);
     const auto device = test::run_op_vulkan(op, layout, {positions, features}, outputs);
     ASSERT_EQ(device.size(), outputs.size());

@@ -29,7 +29,7 @@ struct Vulkan {
   using Number = float;
   static std::optional<Device> device() {
     if (!test::vulkan()) return std::nullopt;
-    return Device(std::make_shared<cpu::ThreadPool>(1), test::vulkan());
+    return Device(std::make_shared<ThreadPool>(1), test::vulkan());
   }
 };
 
@@ -581,7 +581,7 @@ TEST(KernelsTest, OperationsKeepToTheirMemory) {
   const OpTensor index{Rows::key, 5, 1, true, {}, random_index(random, 77 * 5, 50)};
   const auto check = [&](const ops::Op& op, const std::vector<OpTensor>& inputs, OpTensor out) {
     out.values.clear();
-    cpu::ThreadPool one(1), three(3);
+    ThreadPool one(1), three(3);
     const auto first = test::run_op<float>(op, layout, inputs, {out}, one).front().values;
     EXPECT_EQ(test::run_op<float>(op, layout, inputs, {out}, three).front().values, first);
     test::run_op<double>(op, layout, inputs, {out}, three);

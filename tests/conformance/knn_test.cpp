@@ -94,7 +94,7 @@ class KnnCase {
 
  private:
   BatchLayout layout_;
-  cpu::ThreadPool one_{1}, two_{2}, three_{3};
+  ThreadPool one_{1}, two_{2}, three_{3};
 };
 
 // 0: generic points; 1: 27 places; 4: a 9³ lattice, where nearly every neighbour ties; −1: denser inside.
@@ -175,7 +175,7 @@ TEST(Knn, EverySoMany) {
 TEST(Knn, VulkanSaysHowManyItFinds) {
   if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
   const BatchLayout layout(std::vector<std::uint32_t>{200, 200}, 4);
-  const vk::Site site{*test::vulkan(), {{}, {}}, {{}}, layout};
+  const vk::KernelContext site{*test::vulkan(), {{}, {}}, {{}}, layout};
   try {
     vk::kernel_for(site, ops::Knn{.k = 40, .dilation = 4});
     ADD_FAILURE();
@@ -200,7 +200,7 @@ void check_tree(double scale, int power, std::size_t on_one_spot) {
                                                           : static_cast<double>(static_cast<T>(x)));
   }
   const std::vector<T> rows(points.values.begin(), points.values.end());
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   for (const int k : {1, 24, 90}) {
     const ops::Knn op{.k = k, .search = NeighborSearch::tree};
     const OpTensor out{Rows::point, k, 1, true, {}, {}};
@@ -228,7 +228,7 @@ TEST(Knn, PointsOnOneSpot) {
   OpTensor points{Rows::point, 1, 3, false, std::vector<double>(3 * 1000, 0.25), {}};
   points.values[3 * 500] = 7;
   const BatchLayout layout(std::vector<std::uint32_t>{500, 500}, 4);
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   const OpTensor out{Rows::point, 3, 1, true, {}, {}};
   const auto index =
       test::run_op<float>(ops::Knn{.k = 3}, layout, {points, points}, {out}, pool).front().indices;

@@ -108,7 +108,7 @@ class PairAttentionVulkan : public testing::Test {
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }
 
-  cpu::ThreadPool pool_{2};
+  ThreadPool pool_{2};
   double worst_ = 0;
 };
 

@@ -46,7 +46,7 @@ std::vector<Pose> run(
 template <class T>
 std::vector<Pose> run_cpu(const std::vector<Pieces>& all) {
   return run(all, [](const BatchLayout& layout, const OpTensor& in, const OpTensor& out) {
-    cpu::ThreadPool pool(1);
+    ThreadPool pool(1);
     return test::run_op<T>(ops::ProjectPose{}, layout, {in}, {out}, pool).front();
   });
 }

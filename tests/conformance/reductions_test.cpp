@@ -37,7 +37,7 @@ TEST_P(SoftmaxSums, EqualSoftmaxThenSumAndThePlainLoop) {
     logits.values.push_back(std::round(random.uniform(-1, 1) * 1024) / 1024 * GetParam());
   for (std::size_t i = 0; i < points * value_width; ++i)
     values.values.push_back(std::round(random.uniform(-1, 1) * 1024) / 1024);
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   const OpTensor weights{Rows::point, 1, channels, false, {}, {}};
   // Shaped as a tensor of clouds that holds channels × width numbers each.
   const OpTensor all{Rows::cloud, channels, value_width, false, {}, {}},
@@ -103,7 +103,7 @@ TEST(PointAttention, SeventyThousandPoints) {
     inputs.push_back(tensor);
   }
   const std::vector<OpTensor> outputs = {OpTensor::like(graph.tensors[node->outputs[0]])};
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   const auto single = test::run_op<float>(node->op, layout, inputs, outputs, pool).front().values;
   const auto exact = test::run_op<double>(node->op, layout, inputs, outputs, pool).front().values;
   const double largest = std::abs(*std::max_element(
@@ -126,7 +126,7 @@ TEST(ProjectPose, IsTheNearestRotationAndTheTranslationOfTheHead) {
     for (int i = 0; i < 9; ++i) pieces.values.push_back(stored(i / 3, i % 3));
     for (int i = 9; i < ops::piece_count; ++i) pieces.values.push_back(random.uniform(-1, 1));
   }
-  cpu::ThreadPool pool(1);
+  ThreadPool pool(1);
   const OpTensor out{Rows::pair, 1, ops::pose_width, false, {}, {}};
   const auto check = [&]<class T>(T, double bound) {
     const auto poses = test::run_op<T>(ops::ProjectPose{}, layout, {pieces}, {out}, pool).front().values;

@@ -44,7 +44,7 @@ SumRun make_run(const Shape& shape, const BatchLayout& layout, double range) {
 
 // Largest error over the largest entry of any of the sums.
 void check(const SumRun& run, const BatchLayout& layout) {
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   const auto exact = test::run_op<double>(run.op, layout, run.inputs, run.outputs, pool);
   const auto device = test::run_op_vulkan(run.op, layout, run.inputs, run.outputs);
   ASSERT_EQ(device.size(), exact.size());

@@ -1,4 +1,4 @@
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace bitr::cpu {
+namespace bitr {
 namespace {
 
 // Runs one parallel_for; expects every index exactly once, in pieces of at most `grain` that start at its
@@ -79,4 +79,4 @@ TEST(ThreadPool, StartsAndStopsWithoutWork) {
 }
 
 }  // namespace
-}  // namespace bitr::cpu
+}  // namespace bitr

@@ -23,7 +23,7 @@ struct CaseRun {
       : golden(GoldenCase::load(number)),
         whole(model::build_graph(golden.weights, Mode::reference)),
         executor(model::expand(whole), true) {
-    cpu::ThreadPool pool(2);
+    ThreadPool pool(2);
     golden.run(executor, pool);
   }
   const GoldenCase golden;

@@ -13,9 +13,10 @@ class Folded : public testing::TestWithParam<int> {
  protected:
   void SetUp() override {
     if (!GoldenCase::available(GetParam()))
-      GTEST_SKIP() << "case " << GetParam() << " is not among the committed data and ../shared/golden is absent";
+      GTEST_SKIP() << "case " << GetParam()
+                   << " is not among the committed data and ../shared/golden is absent";
   }
-  cpu::ThreadPool pool_{2};
+  ThreadPool pool_{2};
 };
 
 TEST_P(Folded, EqualsTheDefinitionInScaleExactMode) {
@@ -29,10 +30,12 @@ TEST_P(Folded, EqualsTheDefinitionInScaleExactMode) {
   for (std::size_t i = 0; i < folded.graph().tensors.size(); ++i) {
     const auto& info = folded.graph().tensors[i];
     const graph::TensorId other = defined.graph().find(info.name);
-    if (other == graph::no_tensor || info.kind == graph::Kind::index) continue;
+    if (other == graph::no_tensor || info.kind == graph::ElementKind::index) continue;
     const std::size_t count = golden.layout().rows(info.rows) * info.per_row * info.width;
-    const Eigen::Map<const Eigen::ArrayXd> a(folded.data(static_cast<int>(i)), count), b(defined.data(other), count);
-    EXPECT_LE((a - b).abs().maxCoeff(), 1e-11 * b.abs().maxCoeff()) << info.name << " of case " << golden.number;
+    const Eigen::Map<const Eigen::ArrayXd> a(folded.data(static_cast<int>(i)), count),
+        b(defined.data(other), count);
+    EXPECT_LE((a - b).abs().maxCoeff(), 1e-11 * b.abs().maxCoeff())
+        << info.name << " of case " << golden.number;
     ++compared;
   }
   EXPECT_GE(compared, 15);
@@ -41,7 +44,8 @@ TEST_P(Folded, EqualsTheDefinitionInScaleExactMode) {
 void expect_near(const GoldenCase& golden, const Pose& pose, const Pose& expected) {
   const auto& t = expected.translation;
   EXPECT_LE(rotation_error_degrees(pose, expected), 0.02) << "case " << golden.number;
-  EXPECT_LE(translation_error(pose, expected), 5e-4 * std::hypot(t[0], t[1], t[2])) << "case " << golden.number;
+  EXPECT_LE(translation_error(pose, expected), 5e-4 * std::hypot(t[0], t[1], t[2]))
+      << "case " << golden.number;
 }
 
 template <class T>

@@ -39,7 +39,7 @@ TEST_P(OfficialGradient, IsReproduced) {
     std::copy_n(t.begin() + 3 * pair, 3, truth + 9);
     std::ranges::copy(ops::no_symmetry, truth + ops::pose_numbers);
   }
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   executor.run(pool);
 
   const auto* loss = executor.data(graph.loss);

@@ -141,12 +141,12 @@ class EveryGradient : public testing::TestWithParam<Case> {
     if (weights_.mode == Mode::reference || !whole(gradient.op)) return check(gradient, inputs, results);
     // All that the operation reads and makes.
     ops::Gradient<Operation> full = gradient;
-    full.given.clear();
-    full.wanted.clear();
+    full.grad_outputs.clear();
+    full.needs_input_grad.clear();
     for (int i = 0; i < gradient.inputs; ++i)
-      if (!inputs[i].index) full.wanted.push_back(i);
+      if (!inputs[i].index) full.needs_input_grad.push_back(i);
     for (int o = 0; o < gradient.outputs; ++o)
-      if (!results[o].index) full.given.push_back(o);
+      if (!results[o].index) full.grad_outputs.push_back(o);
     check(full, inputs, results);
   }
 
@@ -172,8 +172,8 @@ class EveryGradient : public testing::TestWithParam<Case> {
 
     std::vector<OpTensor> reads = inputs, makes;
     reads.insert(reads.end(), outputs.begin(), outputs.end());
-    for (const int o : gradient.given) reads.push_back(given[o]);
-    for (const int i : gradient.wanted) {
+    for (const int o : gradient.grad_outputs) reads.push_back(given[o]);
+    for (const int i : gradient.needs_input_grad) {
       makes.push_back(inputs[i]);
       makes.back().values.clear();
     }
@@ -182,7 +182,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
           {graph::Rows::one, 1, static_cast<int>(ops::constant_count(gradient.op)), false, {}, {}});
     const auto exact = test::run_op<double>(gradient, layout_, reads, makes, pool_);
     const auto single = test::run_op<float>(gradient, layout_, reads, makes, pool_);
-    for (cpu::ThreadPool* pool : {&one_, &three_}) {
+    for (ThreadPool* pool : {&one_, &three_}) {
       const auto again = test::run_op<float>(gradient, layout_, reads, makes, *pool);
       for (std::size_t i = 0; i < makes.size(); ++i)
         EXPECT_EQ(single[i].values, again[i].values) << "threads change the result";
@@ -199,15 +199,15 @@ class EveryGradient : public testing::TestWithParam<Case> {
       const auto made = test::run_op<double>(op, layout_, at, results, pool_);
       Value result;
       for (std::size_t o = 0; o < made.size(); ++o)
-        if (std::is_same_v<Operation, ops::Loss> || gradient.given_at(static_cast<int>(o)) >= 0)
+        if (std::is_same_v<Operation, ops::Loss> || gradient.grad_output_at(static_cast<int>(o)) >= 0)
           for (std::size_t i = 0; i < made[o].values.size(); ++i) {
             result.sum += made[o].values[i] * given[o].values[i];
             result.terms += std::abs(made[o].values[i] * given[o].values[i]);
           }
       return result;
     };
-    for (std::size_t n = 0; n < gradient.wanted.size(); ++n) {
-      const std::size_t input = gradient.wanted[n];
+    for (std::size_t n = 0; n < gradient.needs_input_grad.size(); ++n) {
+      const std::size_t input = gradient.needs_input_grad[n];
       SCOPED_TRACE("input " + std::to_string(input));
       differences(exact[n].values, [&](std::vector<double>& direction) {
         // In proportion: short edges change little, and those of length zero stay so.
@@ -297,7 +297,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
   std::optional<test::CloudBatch> batch_;
   graph::BatchLayout layout_;
   std::vector<OpTensor> tensors_;  // of the forward pass
-  cpu::ThreadPool one_{1}, pool_{2}, three_{3};
+  ThreadPool one_{1}, pool_{2}, three_{3};
 };
 
 TEST_P(EveryGradient, AsDefined) {

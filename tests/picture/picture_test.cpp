@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "core/random.hpp"
+#include "picture/camera.hpp"
 #include "picture/captions.hpp"
 #include "picture/scene.hpp"
-#include "picture/view.hpp"
 #include "support/random_motion.hpp"
 #include "support/shapes.hpp"
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "support/random_motion.hpp"
 #include "support/shapes.hpp"
 #include "support/vulkan.hpp"
@@ -55,7 +55,8 @@ inline const std::vector<Network>& networks() {
 }
 
 inline std::size_t least_points(const ModelConfig& config) {
-  return static_cast<std::size_t>(std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
+  return static_cast<std::size_t>(
+      std::max(config.k_neighbor * config.neighbor_dilation + 1, config.key_mean_num));
 }
 
 inline Device shared_device() {
@@ -70,7 +71,7 @@ inline bool present(Backend backend) { return backend == Backend::cpu || vulkan(
 
 inline Device device_on(Backend backend, unsigned threads = 2) {
   if (backend == Backend::cpu) return cpu_device(threads);
-  return Device(std::make_shared<cpu::ThreadPool>(threads), vulkan());
+  return Device(std::make_shared<ThreadPool>(threads), vulkan());
 }
 
 inline Plan plan_for(const Model& model, const PlanOptions& options, const Device& device = shared_device(),

@@ -66,7 +66,7 @@ TEST(Sinkhorn, StreamedIsDense) {
     const auto NX = normals ? random_normals(random, n) : std::vector<Vec3d>{};
     const auto NY = normals ? random_normals(random, m) : std::vector<Vec3d>{};
     const Affinity affinity{.beta = 30, .alpha = 0.2};
-    cpu::ThreadPool pool(2);
+    ThreadPool pool(2);
     Sinkhorn plan({X, NX, 0.3}, {Y, NY, 0.3}, {&pool});
     EXPECT_EQ(plan.normalise(affinity, {.most_iterations = 7, .tolerance = 0}), 7);
     const Eigen::MatrixXd dense = dense_log_plan(X, Y, NX, NY, 0.3, affinity, 7);
@@ -128,7 +128,7 @@ TEST(Transport, SameBitsForAnyNumberOfThreads) {
   const auto stages = narrowing_stages(false);
   std::vector<Pose> poses;
   for (const unsigned threads : {1u, 2u, 3u}) {
-    cpu::ThreadPool pool(threads);
+    ThreadPool pool(threads);
     poses.push_back(transport({X, {}}, {Y, {}}, {}, std::span(stages).first(2), {&pool}).T_reference_source);
   }
   for (const Pose& pose : poses) {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <memory>
 
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 #include "refine/vulkan_plans.hpp"
 #include "support/golden_refinement.hpp"
 #include "support/random_motion.hpp"
@@ -19,7 +19,7 @@ class RefineVulkan : public testing::Test {
  protected:
   void SetUp() override {
     if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
-    device_.emplace(std::make_shared<cpu::ThreadPool>(2), test::vulkan());
+    device_.emplace(std::make_shared<ThreadPool>(2), test::vulkan());
   }
   const Device& device() const { return *device_; }
 
@@ -126,7 +126,7 @@ TEST_F(RefineVulkan, PlansAreTheCpus) {
       for (Eigen::Index a = 0; a < 3; ++a) row[a] = test::random_unit(random)[a];
     return rows;
   };
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   refine::VulkanPlans plans(*test::vulkan(), pool);
   for (const double beta : {3.0, 100.0, 5000.0}) {
     std::vector<std::unique_ptr<refine::Sinkhorn>> cpu, vulkan;
@@ -176,7 +176,7 @@ TEST_F(RefineVulkan, TwentyThousandPointsEachInLinearMemory) {
   std::vector<Vec3d> points(20'000);
   for (Vec3d& point : points)
     for (double& x : point) x = random.uniform(-0.5, 0.5);
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   refine::VulkanPlans plans(*test::vulkan(), pool);
   const refine::TransportStage stage{.affinity = {.beta = 5000, .alpha = 0.002},
                                      .sinkhorn = {.most_iterations = 2}};

@@ -51,7 +51,7 @@ struct CloudBatch {
     return result;
   }
   template <class T>
-  void run(cpu::Executor<T>& executor, int key_points, cpu::ThreadPool& pool) const {
+  void run(cpu::Executor<T>& executor, int key_points, ThreadPool& pool) const {
     executor.prepare(layout(key_points));
     fill(executor);
     executor.run(pool);

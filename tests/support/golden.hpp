@@ -93,7 +93,7 @@ struct GoldenCase {
     if (executor.graph().normals != graph::no_tensor) copy(executor.graph().normals, both("normals"));
   }
   template <class T>
-  void run(cpu::Executor<T>& executor, cpu::ThreadPool& pool) const {
+  void run(cpu::Executor<T>& executor, ThreadPool& pool) const {
     fill(executor);
     executor.run(pool);
   }

@@ -23,7 +23,7 @@ struct OpTensor {
   std::vector<std::uint32_t> indices;  ///< of an index tensor
 
   static OpTensor like(const graph::TensorInfo& info) {
-    return {info.rows, info.per_row, info.width, info.kind == graph::Kind::index, {}, {}};
+    return {info.rows, info.per_row, info.width, info.kind == graph::ElementKind::index, {}, {}};
   }
 };
 
@@ -79,7 +79,7 @@ class GuardedTensor {
 template <class T>
 std::vector<OpTensor> run_op(const ops::Op& op, const graph::BatchLayout& layout,
                              const std::vector<OpTensor>& inputs, const std::vector<OpTensor>& outputs,
-                             cpu::ThreadPool& pool) {
+                             ThreadPool& pool) {
   std::vector<GuardedTensor<T>> in, out;
   for (const OpTensor& tensor : inputs) in.emplace_back(layout, tensor);
   for (const OpTensor& tensor : outputs) out.emplace_back(layout, tensor);

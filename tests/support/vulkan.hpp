@@ -60,7 +60,7 @@ inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::Batch
                       .rows = tensor.rows,
                       .per_row = tensor.per_row,
                       .width = tensor.width,
-                      .kind = tensor.index ? graph::Kind::index : graph::Kind::real,
+                      .kind = tensor.index ? graph::ElementKind::index : graph::ElementKind::real,
                       .fiber = {}});
   };
   for (const OpTensor& tensor : inputs) node.inputs.push_back(add(tensor));

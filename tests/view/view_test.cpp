@@ -10,8 +10,8 @@
 
 #include "core/base64.hpp"
 #include "core/random.hpp"
-#include "view/normals.hpp"
-#include "view/thin.hpp"
+#include "page/normals.hpp"
+#include "page/thin.hpp"
 
 namespace bitr::view {
 namespace {

@@ -70,7 +70,7 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     for (std::size_t i = 0; i < node.inputs.size(); ++i) {
       inputs.push_back(value(node.inputs[i]));
       if (inputs.back().index || !wanted(node.inputs[i])) continue;
-      gradient.wanted.push_back(static_cast<int>(i));
+      gradient.needs_input_grad.push_back(static_cast<int>(i));
       outputs.push_back(OpTensor::like(executor_->graph().tensors[node.inputs[i]]));
     }
     inputs.push_back(value(node.outputs[0]));
@@ -81,7 +81,9 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     const auto exact = test::run_op<double>(gradient, layout_, inputs, outputs, pool_);
     const auto device = test::run_op_vulkan(gradient, layout_, inputs, outputs);
     for (std::size_t i = 0; i < device.size(); ++i) {
-      SCOPED_TRACE(i < gradient.wanted.size() ? "input " + std::to_string(gradient.wanted[i]) : "constants");
+      SCOPED_TRACE(i < gradient.needs_input_grad.size()
+                       ? "input " + std::to_string(gradient.needs_input_grad[i])
+                       : "constants");
       compare(device[i].values, exact[i].values);
     }
   }
@@ -128,7 +130,7 @@ class AttentionGradient : public testing::TestWithParam<Case> {
   std::optional<test::CloudBatch> batch_;
   std::optional<cpu::Executor<double>> executor_;
   graph::BatchLayout layout_;
-  cpu::ThreadPool pool_{2};
+  ThreadPool pool_{2};
   double worst_ = 0;
 };
 

@@ -102,7 +102,7 @@ TEST(Executor, SeventyThousandPoints) {
   vk::Executor executor(test::vulkan(), network.graph, network.capacity());
   const auto pose = network.run(executor);
   cpu::Executor<double> truth(network.graph, false);
-  cpu::ThreadPool pool(2);
+  ThreadPool pool(2);
   network.batch.run(truth, network.config.num_key_points, pool);
   const double* expected = truth.data(truth.graph().pose);
   EXPECT_LE(rotation_error_degrees(test::pose_of(pose.data()), test::pose_of(expected)), 0.05);

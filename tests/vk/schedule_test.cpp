@@ -12,7 +12,7 @@ std::vector<std::vector<float>> every_tensor(const VulkanNetwork& network,
   network.run(executor);
   std::vector<std::vector<float>> tensors;
   for (std::size_t i = 0; i < network.graph.tensors.size(); ++i)
-    if (network.graph.tensors[i].kind == graph::Kind::real)
+    if (network.graph.tensors[i].kind == graph::ElementKind::real)
       tensors.push_back(executor.real(static_cast<int>(i)));
   return tensors;
 }

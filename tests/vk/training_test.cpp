@@ -70,7 +70,7 @@ std::set<graph::TensorId> given(const graph::Node& node) {
       [&](const auto& op) {
         std::set<graph::TensorId> ids;
         if constexpr (requires { op.given; })
-          for (const int output : op.given) ids.insert(node.inputs[op.given_at(output)]);
+          for (const int output : op.given) ids.insert(node.inputs[op.grad_output_at(output)]);
         return ids;
       },
       node.op);
@@ -141,7 +141,7 @@ class Training : public testing::TestWithParam<Case> {
   Random random_{7};
   std::optional<cpu::Executor<double>> executor_;
   graph::BatchLayout layout_;
-  cpu::ThreadPool pool_{2};
+  ThreadPool pool_{2};
 };
 
 TEST_P(Training, Operations) {
@@ -217,7 +217,7 @@ double difference(const train::Gradients& one, const train::Gradients& exact) {
 
 // From step to step the weights, and how many points there are, change.
 void compare_steps(const ModelConfig& config, ops::LossKind loss) {
-  const auto pool = std::make_shared<cpu::ThreadPool>(2);
+  const auto pool = std::make_shared<ThreadPool>(2);
   const Device cpu(pool), vulkan(pool, test::vulkan());
   Random random(5);
   const auto exact = train::make_differentiator(cpu, {}, {.loss = loss, .precision = Precision::f64});

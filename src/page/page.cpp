@@ -7,14 +7,14 @@
 #include <numbers>
 #include <string_view>
 
-#include "api/guarded.hpp"
 #include "core/base64.hpp"
+#include "core/guarded.hpp"
+#include "core/spacing.hpp"
+#include "page/normals.hpp"
+#include "page/thin.hpp"
 #include "picture/box.hpp"
+#include "picture/camera.hpp"
 #include "picture/checks.hpp"
-#include "picture/view.hpp"
-#include "refine/spacing.hpp"
-#include "view/normals.hpp"
-#include "view/thin.hpp"
 
 extern "C" {
 extern const char bitr_page_begin[], bitr_page_end[];  // see CMakeLists.txt
@@ -100,7 +100,7 @@ Json json_of(const Placed& placed, double length, std::size_t most_points) {
   const PointRows rows{points};
   const PointTree tree(3, rows);
   // Random points on a surface have a median distance of 0.47 of their spacing.
-  const double spacing = refine::median_spacing(tree, points) / 0.47 / length;
+  const double spacing = median_spacing(tree, points) / 0.47 / length;
   Json json = {{"name", placed.name},
                {"count", cloud.size()},
                {"shown", points.size()},

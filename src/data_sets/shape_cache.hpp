@@ -7,8 +7,8 @@
 #include <unordered_map>
 #include <variant>
 
-#include "data/dense_pair.hpp"
-#include "data/file_shape.hpp"
+#include "data_sets/dense_pair.hpp"
+#include "data_sets/file_shape.hpp"
 #include "generate/shape.hpp"
 
 namespace bitr::data {

@@ -13,17 +13,19 @@ namespace bitr::data {
 /// A part's shapes that are in the split.
 struct Part {
   DataPart recipe;
-  const generate::Kind* kind = nullptr;         ///< null for files
+  const generate::ShapeKind* kind = nullptr;    ///< null for files
   std::vector<std::uint32_t> seeds;             ///< of a kind, less first_seed
   std::vector<std::string> files;               ///< below the folder, sorted
   std::uint64_t first_sample = 0, samples = 0;  ///< of an epoch in its order
   std::uint64_t pools = 0;                      ///< so many of its shapes' versions, the first, have a pool
 
   /// How its shapes become pairs.
-  generate::Way way() const { return kind && !recipe.protocol ? kind->way : generate::Way::cropped; }
+  generate::PairOrigin origin() const {
+    return kind && !recipe.protocol ? kind->origin : generate::PairOrigin::cropped;
+  }
   /// Ways in which a shape is kept.
   std::size_t versions() const {
-    return recipe.pool > 0 && way() == generate::Way::broken ? recipe.breaks : 1;
+    return recipe.pool > 0 && origin() == generate::PairOrigin::broken ? recipe.breaks : 1;
   }
   std::size_t shapes() const { return kind ? seeds.size() : files.size(); }
   std::string name(std::size_t i) const {

@@ -1,6 +1,6 @@
-#include "data/dense_pair.hpp"
+#include "data_sets/dense_pair.hpp"
 
-#include "data/choose.hpp"
+#include "data_sets/choose.hpp"
 #include "generate/seeds.hpp"
 
 namespace bitr::data {

@@ -1,4 +1,4 @@
-#include "data/order.hpp"
+#include "data_sets/order.hpp"
 
 #include <algorithm>
 

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-namespace bitr::cpu {
+namespace bitr {
 
 class ThreadPool {
  public:
@@ -50,4 +50,4 @@ class ThreadPool {
   bool stop_ = false;
 };
 
-}  // namespace bitr::cpu
+}  // namespace bitr

@@ -1,4 +1,4 @@
-#include "data/file_shape.hpp"
+#include "data_sets/file_shape.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/select_rows.hpp"
-#include "data/choose.hpp"
+#include "data_sets/choose.hpp"
 #include "generate/seeds.hpp"
 #include "generate/solid.hpp"
 

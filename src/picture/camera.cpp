@@ -1,4 +1,4 @@
-#include "picture/view.hpp"
+#include "picture/camera.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>

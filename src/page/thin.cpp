@@ -1,4 +1,4 @@
-#include "view/thin.hpp"
+#include "page/thin.hpp"
 
 #include <numeric>
 

@@ -1,4 +1,4 @@
-#include "data/shape_cache.hpp"
+#include "data_sets/shape_cache.hpp"
 
 namespace bitr::data {
 namespace {

@@ -1,9 +1,9 @@
-#include "refine/spacing.hpp"
+#include "core/spacing.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace bitr::refine {
+namespace bitr {
 
 double median_spacing(const PointTree& tree, const std::vector<Vec3d>& points) {
   constexpr std::size_t samples = 2000, looked_at = 8;
@@ -21,4 +21,4 @@ double median_spacing(const PointTree& tree, const std::vector<Vec3d>& points) {
   return nearest[nearest.size() / 2];
 }
 
-}  // namespace bitr::refine
+}  // namespace bitr

@@ -1,4 +1,4 @@
-#include "view/normals.hpp"
+#include "page/normals.hpp"
 
 #include <Eigen/Eigenvalues>
 

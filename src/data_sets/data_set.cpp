@@ -5,10 +5,10 @@
 #include <mutex>
 #include <set>
 
-#include "api/guarded.hpp"
-#include "data/order.hpp"
-#include "data/part.hpp"
-#include "data/shape_cache.hpp"
+#include "core/guarded.hpp"
+#include "data_sets/order.hpp"
+#include "data_sets/part.hpp"
+#include "data_sets/shape_cache.hpp"
 #include "generate/pairs.hpp"
 #include "generate/seeds.hpp"
 
@@ -162,15 +162,16 @@ class DataSet::State {
   GeneratedPair draw_uncut(const Part& part, const generate::Shape& shape, std::size_t points,
                            std::uint64_t seed) const {
     Random random = generate::random_for(seed, Draw::roughness);
-    if (part.way() == generate::Way::broken)
+    if (part.origin() == generate::PairOrigin::broken)
       return generate::break_in_two(shape, points,
                                     random.uniform(options.roughness_low, options.roughness_high), seed);
     return generate::sample_twice(shape, points, same_points(part), seed);
   }
 
   bool same_points(const Part& part) const {
-    const generate::Way way = part.way();
-    return way == generate::Way::copied || (way == generate::Way::cropped && options.same_points);
+    const generate::PairOrigin origin = part.origin();
+    return origin == generate::PairOrigin::copied ||
+           (origin == generate::PairOrigin::cropped && options.same_points);
   }
 
   Result<GeneratedPair> make_pair(const Part& part, const AnyShape& shape, std::uint64_t seed) const {
@@ -187,7 +188,7 @@ class DataSet::State {
     } else {
       pair = draw_uncut(part, *std::get<0>(shape), points, seed);
     }
-    if (part.way() != generate::Way::cropped) {
+    if (part.origin() != generate::PairOrigin::cropped) {
       generate::separate(*pair,
                          {.noise = options.noise,
                           .clip = options.clip,

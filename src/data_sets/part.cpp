@@ -1,4 +1,4 @@
-#include "data/part.hpp"
+#include "data_sets/part.hpp"
 
 #include <algorithm>
 #include <bitr/io.hpp>
@@ -6,8 +6,8 @@
 #include <numeric>
 #include <set>
 
-#include "data/dense_pair.hpp"
-#include "data/order.hpp"
+#include "data_sets/dense_pair.hpp"
+#include "data_sets/order.hpp"
 
 namespace bitr::data {
 namespace {
@@ -55,7 +55,7 @@ Result<void> check_range(const std::string& name, double low, double high, doubl
 bool is_cropped(const DataPart& part) {
   if (part.protocol || part.kind.empty()) return true;
   const auto kind = generate::kind_named(part.kind);
-  return kind && (*kind)->way == generate::Way::cropped;
+  return kind && (*kind)->origin == generate::PairOrigin::cropped;
 }
 
 Result<Part> open_part(const DataPart& recipe, const DataOptions& options) {

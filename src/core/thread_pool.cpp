@@ -1,11 +1,11 @@
-#include "cpu/thread_pool.hpp"
+#include "core/thread_pool.hpp"
 
 #include <sched.h>
 
 #include <algorithm>
 #include <system_error>
 
-namespace bitr::cpu {
+namespace bitr {
 namespace {
 
 unsigned allowed_cores() {
@@ -96,4 +96,4 @@ void ThreadPool::work() {
   }
 }
 
-}  // namespace bitr::cpu
+}  // namespace bitr

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <bitr/data.hpp>
 
-#include "api/guarded.hpp"
+#include "core/guarded.hpp"
 #include "core/read_ahead.hpp"
 
 namespace bitr {
