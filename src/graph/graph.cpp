@@ -4,6 +4,41 @@
 
 namespace bitr::graph {
 
+Node::Node(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs)
+    : name(std::move(name)), op(std::move(op)), inputs(std::move(inputs)), outputs(std::move(outputs)) {}
+Node::Node(const Node&) = default;
+Node::Node(Node&&) noexcept = default;
+Node& Node::operator=(const Node&) = default;
+Node& Node::operator=(Node&&) noexcept = default;
+Node::~Node() = default;
+
+TensorId Graph::add(TensorInfo info) {
+  tensors.push_back(std::move(info));
+  return static_cast<TensorId>(tensors.size()) - 1;
+}
+
+TensorId Graph::add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row) {
+  return add({std::move(name), rows, per_row, fiber.size(), ElementKind::real, fiber});
+}
+
+void Graph::append(std::string name, ops::Op op, std::vector<TensorId> inputs,
+                   std::vector<TensorId> outputs) {
+  nodes.emplace_back(std::move(name), std::move(op), std::move(inputs), std::move(outputs));
+}
+
+std::vector<TensorId> Graph::outputs() const {
+  std::vector<TensorId> all = saved;
+  for (TensorId id : {key_points, pose, result, loss})
+    if (id != no_tensor) all.push_back(id);
+  return all;
+}
+
+TensorId Graph::find(const std::string& name) const {
+  for (std::size_t i = 0; i < tensors.size(); ++i)
+    if (tensors[i].name == name) return static_cast<TensorId>(i);
+  return no_tensor;
+}
+
 std::string check_executable(const Graph& graph) {
   std::set<TensorId> made = {graph.positions};
   if (graph.normals != no_tensor) made.insert(graph.normals);

@@ -25,7 +25,15 @@ struct TensorInfo {
   irreps::Fiber fiber;  ///< how the width splits into degrees; empty for plain columns
 };
 
+/// Made, copied and destroyed in graph.cpp alone: what that takes of a variant of every operation is compiled once.
 struct Node {
+  Node(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs);
+  Node(const Node&);
+  Node(Node&&) noexcept;
+  Node& operator=(const Node&);
+  Node& operator=(Node&&) noexcept;
+  ~Node();
+
   std::string name;
   ops::Op op;
   std::vector<TensorId> inputs;
@@ -45,29 +53,13 @@ struct Graph {
   TensorId truth = no_tensor, loss = no_tensor;
   std::vector<TensorId> saved = {};  ///< others that are read after a run
 
-  TensorId add(TensorInfo info) {
-    tensors.push_back(std::move(info));
-    return static_cast<TensorId>(tensors.size()) - 1;
-  }
-  TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1) {
-    return add({std::move(name), rows, per_row, fiber.size(), ElementKind::real, fiber});
-  }
-  void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs) {
-    nodes.push_back({std::move(name), std::move(op), std::move(inputs), std::move(outputs)});
-  }
+  TensorId add(TensorInfo info);
+  TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1);
+  void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs);
   /// Those that a run leaves readable.
-  std::vector<TensorId> outputs() const {
-    std::vector<TensorId> all = saved;
-    for (TensorId id : {key_points, pose, result, loss})
-      if (id != no_tensor) all.push_back(id);
-    return all;
-  }
+  std::vector<TensorId> outputs() const;
   /// no_tensor when there is none of that name.
-  TensorId find(const std::string& name) const {
-    for (std::size_t i = 0; i < tensors.size(); ++i)
-      if (tensors[i].name == name) return static_cast<TensorId>(i);
-    return no_tensor;
-  }
+  TensorId find(const std::string& name) const;
 };
 
 /// "" when every input of every node is a graph input or made by an earlier node, no tensor is made twice and
