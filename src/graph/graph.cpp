@@ -4,8 +4,8 @@
 
 namespace bitr::graph {
 
-Node::Node(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs)
-    : name(std::move(name)), op(std::move(op)), inputs(std::move(inputs)), outputs(std::move(outputs)) {}
+Node::Node(std::string its_name, ops::Op its_op, std::vector<TensorId> reads, std::vector<TensorId> makes)
+    : name(std::move(its_name)), op(std::move(its_op)), inputs(std::move(reads)), outputs(std::move(makes)) {}
 Node::Node(const Node&) = default;
 Node::Node(Node&&) noexcept = default;
 Node& Node::operator=(const Node&) = default;
@@ -21,9 +21,8 @@ TensorId Graph::add(std::string name, Rows rows, const irreps::Fiber& fiber, int
   return add({std::move(name), rows, per_row, fiber.size(), ElementKind::real, fiber});
 }
 
-void Graph::append(std::string name, ops::Op op, std::vector<TensorId> inputs,
-                   std::vector<TensorId> outputs) {
-  nodes.emplace_back(std::move(name), std::move(op), std::move(inputs), std::move(outputs));
+void Graph::append(std::string name, ops::Op op, std::vector<TensorId> reads, std::vector<TensorId> makes) {
+  nodes.emplace_back(std::move(name), std::move(op), std::move(reads), std::move(makes));
 }
 
 std::vector<TensorId> Graph::outputs() const {

@@ -27,7 +27,7 @@ struct TensorInfo {
 
 /// Made, copied and destroyed in graph.cpp alone: what that takes of a variant of every operation is compiled once.
 struct Node {
-  Node(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs);
+  Node(std::string name, ops::Op op, std::vector<TensorId> reads, std::vector<TensorId> makes);
   Node(const Node&);
   Node(Node&&) noexcept;
   Node& operator=(const Node&);
@@ -55,7 +55,7 @@ struct Graph {
 
   TensorId add(TensorInfo info);
   TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1);
-  void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs);
+  void append(std::string name, ops::Op op, std::vector<TensorId> reads, std::vector<TensorId> makes);
   /// Those that a run leaves readable.
   std::vector<TensorId> outputs() const;
   /// no_tensor when there is none of that name.
