@@ -13,7 +13,7 @@ namespace {
 
 struct Options {
   std::string input, output;
-  ModelChoice model;
+  ModelOptions model;
   bool half = false;
 };
 

@@ -25,7 +25,7 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
     std::vector<Confidence> judged(pairs.size());
     refine::for_each_pair(device, pairs.size(), [&](std::size_t i, const refine::Workers& workers) {
       if (!is_finite(poses[i])) {
-        judged[i].reasons = {"the pose is not finite"};
+        judged[i].reasons.emplace_back("the pose is not finite");
         return;
       }
       Evidence evidence = confidence::evidence_of_fit(pairs[i], poses[i], workers);
@@ -40,7 +40,7 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
       judged[i] = confidence::judged(evidence);
       if (evidence.rotation_gap && *evidence.rotation_gap < least_rotation_gap) {
         judged[i].value = 0;
-        judged[i].reasons.insert(judged[i].reasons.begin(), "the rotation is not determined");
+        judged[i].reasons.emplace(judged[i].reasons.begin(), "the rotation is not determined");
       }
     });
     return judged;
