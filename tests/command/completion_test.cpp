@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "run_command.hpp"
+#include "support/paths.hpp"
 
 namespace bitr::test {
 namespace {
@@ -153,7 +154,7 @@ TEST(Completion, OtherShellsTakeTheirScripts) {
 }
 
 TEST(Manual, ThePageInTheDocumentationIsTheOneThatIsPrinted) {
-  EXPECT_EQ(read_text(BITR_SOURCE_DIR "/docs/cli.md"), output_of({"help", "--markdown"}))
+  EXPECT_EQ(read_text((source_dir() / "docs/cli.md").string()), output_of({"help", "--markdown"}))
       << "bitr help --markdown > docs/cli.md";
 }
 

@@ -2,13 +2,14 @@
 #include <gtest/gtest.h>
 
 #include "run_command.hpp"
+#include "support/paths.hpp"
 
 namespace bitr::test {
 namespace {
 
 using testing::HasSubstr;
 
-const std::string golden = std::string(BITR_TEST_DATA) + "/golden/";
+const std::string golden = data_dir().string() + "/golden/";
 
 TEST(Model, ConvertThenInfoThenAssemble) {
   const Folder folder;

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <string>
 
+#include "support/paths.hpp"
+
 namespace bitr::io {
 namespace {
 
@@ -218,7 +220,7 @@ TEST(Safetensors, EveryTruncationAndEveryFlippedByteIsHandled) {
 }
 
 TEST(Safetensors, GoldenWeights) {
-  const auto map = parse_safetensors(read(BITR_TEST_DATA "/golden/weights_01.safetensors"), "weights_01");
+  const auto map = parse_safetensors(read(test::data_dir() / "golden/weights_01.safetensors"), "weights_01");
   ASSERT_TRUE(map) << map.error().message;
   EXPECT_EQ(map->metadata.at("return_normals"), "0");
   std::size_t elements = 0;

@@ -9,6 +9,7 @@
 
 #include "io/pickle_text.hpp"
 #include "io/safetensors.hpp"
+#include "support/paths.hpp"
 
 namespace bitr::io {
 namespace {
@@ -193,7 +194,7 @@ TEST(TorchCheckpoint, EveryTruncationAndEveryFlippedByteIsHandled) {
 }
 
 TEST(TorchCheckpoint, GoldenCheckpoint) {
-  const auto map = run(read(BITR_TEST_DATA "/golden/checkpoint_00_state_dict.pt"));
+  const auto map = run(read(data_dir() / "golden/checkpoint_00_state_dict.pt"));
   ASSERT_TRUE(map) << map.error().message;
   EXPECT_EQ(map->tensors.size(), 1269u);
   std::size_t elements = 0;
@@ -208,9 +209,9 @@ TEST(TorchCheckpoint, GoldenCheckpoint) {
 }
 
 TEST(TorchCheckpoint, GoldenCheckpointEqualsItsSafetensors) {
-  const std::filesystem::path path = BITR_SOURCE_DIR "/../shared/golden/weights_00.safetensors";
+  const std::filesystem::path path = source_dir() / "../shared/golden/weights_00.safetensors";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not here";
-  const auto checkpoint = run(read(BITR_TEST_DATA "/golden/checkpoint_00_state_dict.pt"));
+  const auto checkpoint = run(read(data_dir() / "golden/checkpoint_00_state_dict.pt"));
   const std::string file = read(path);
   const auto weights = parse_safetensors(std::as_bytes(std::span(file.data(), file.size())), "weights_00");
   ASSERT_TRUE(checkpoint && weights);

@@ -10,6 +10,7 @@
 
 #include "model/load.hpp"
 #include "model/parameters.hpp"
+#include "support/paths.hpp"
 
 namespace bitr {
 namespace {
@@ -94,7 +95,7 @@ std::map<std::string, Entry> listed(const std::filesystem::path& path, const std
 
 TEST(StateDict, EqualsTheOfficialOneNameByName) {
   const std::filesystem::path path =
-      std::filesystem::path(BITR_SOURCE_DIR) / "../shared/golden/state_dict.txt";
+      test::source_dir() / "../shared/golden/state_dict.txt";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
   std::size_t sections = 0;
   for (const Official& net : official()) {

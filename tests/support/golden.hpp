@@ -16,13 +16,14 @@
 #include "io/safetensors.hpp"
 #include "model/build.hpp"
 #include "model/load.hpp"
+#include "support/paths.hpp"
 
 namespace bitr::test {
 
 inline std::filesystem::path golden_path(const std::string& file) {
-  const std::filesystem::path committed = std::filesystem::path(BITR_TEST_DATA) / "golden" / file;
+  const std::filesystem::path committed = data_dir() / "golden" / file;
   if (std::filesystem::exists(committed)) return committed;
-  return std::filesystem::path(BITR_SOURCE_DIR) / ".." / "shared" / "golden" / file;
+  return source_dir() / ".." / "shared" / "golden" / file;
 }
 
 inline TensorMap read_tensors(const std::filesystem::path& path) {

@@ -12,10 +12,12 @@
 #include <string>
 #include <vector>
 
+#include "support/paths.hpp"
+
 namespace bitr::test {
 
 inline Eigen::MatrixXd read_npy_matrix(const std::string& relative) {
-  const std::string path = std::string(BITR_TEST_DATA) + "/" + relative;
+  const std::filesystem::path path = data_dir() / relative;
   std::ifstream file(path, std::ios::binary);
   EXPECT_TRUE(file.good()) << path;
   const std::string bytes((std::istreambuf_iterator<char>(file)), {});
