@@ -1,5 +1,7 @@
 // cloud_softmax: softmax over the points of each cloud, channel by channel.
-// in  T[P, width]   out T[P, channels], of the first `channels` columns
+// in  logits T[P, width]        the first `channels` columns are used
+// out weights T[P, channels]
+// error 2e-5 (float, against double), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {

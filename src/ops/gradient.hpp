@@ -1,9 +1,11 @@
-// gradient: of a loss, with respect to what an operation read and to its constants, from that with respect to
-// what it made.
-// in  the operation's inputs, then its outputs, then the gradients of the outputs `grad_outputs`, of their shapes
-// out the gradients of the inputs `needs_input_grad`, of their shapes, then T[1, constant_count(op)] if `constants`
-//     (ops/constants.hpp)
+// gradient: a loss's gradient with respect to an operation's inputs and constants, from that of its outputs.
 // Sums run in a fixed order: the same bits on every run and for any number of threads.
+// in  the operation's inputs, of their shapes
+// in  the operation's outputs, of their shapes
+// in  the gradients of the outputs `grad_outputs`, of their shapes
+// out the gradients of the inputs `needs_input_grad`, of their shapes
+// out the gradient of the constants, if `constants`: T[1, constant_count(op)] (ops/constants.hpp)
+// error 1e-4 (float, against double), relative to the largest entry of the output
 #pragma once
 
 #include <algorithm>

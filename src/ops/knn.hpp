@@ -1,8 +1,11 @@
 // knn: the k nearest references of every query, within the query's own cloud (or pair).
-// in  queries     T[Q, dim]      in  references  T[P, dim]      (the same tensor when exclude_self)
-// out index       u32[Q, k]      global rows of `references`, ascending (distance, index); ties → lower index
-// Distances are Σ (q − p)² in T, differences taken first; exact in that arithmetic. Every segment of
-// references holds more than k · dilation rows (k · dilation when the query is not among them).
+// Distances are Σ (q − p)² in T, differences taken first. Every segment of references holds more than
+// k · dilation rows (k · dilation when the query is not among them).
+// in  queries T[Q, dim]
+// in  references T[P, dim]      the same tensor if `exclude_self`
+// out index u32[Q, k]
+//       global rows of `references`, ascending (distance, index); ties → lower index
+// error none: the lists are exact for distances in T
 #pragma once
 
 #include <bitr/neighbor_search.hpp>

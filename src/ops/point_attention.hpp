@@ -3,16 +3,21 @@
 // are constants: LN(r w) = LN(w). With φ_j the Clebsch–Gordan products of direction and neighbour feature,
 //   φ⁰ = (f⁰_j ; v·f¹_j ; [v])                    n₀ = c₀ + c₁ (+ 3 with `direction`)
 //   φ¹ = (v f⁰_j ; K₀f¹_j ; K₁f¹_j ; K₂f¹_j)      n₁ = c₀ + 3 c₁
+//   K₀ = −1/√3,  K₁ = [v]×/√2,  K₂ = (3vvᵀ − 1)/√6
 // values and keys are linear in φ, so the layer is plain attention with key = value = φ:
-//   e_hj = ⟨Q_h, φ_j⟩, Q = M·f_i;   agg_h = Σ_j softmax_j(e_h) φ_j;   out = O·agg + S·f_i, then the projected
-//   ReLU.
-// K₀ = −1/√3, K₁ = [v]×/√2, K₂ = (3vvᵀ − 1)/√6.
+//   e_hj = ⟨Q_h, φ_j⟩,  Q = M·f_i
+//   agg_h = Σ_j softmax_j(e_h) φ_j
+//   out = O·agg + S·f_i, then the projected ReLU
 // An edge of length zero (duplicate points) has no direction, and its LayerNorm sees 0 instead of r w: its φ
 // is zero, and φᶻ = (f⁰_j, 1; f¹_j), zero for all other edges, takes its place with coefficients of its own.
-// in  features T[P, {(0,0): c₀, (1,0): c₁}]   in  index u32[Q, k]   in  centres T[Q, 3]   in  neighbours T[P,
-// 3] in  coefficients T[clouds, coefficient_count()] if `per_cloud`: M₀, O₀, S₀ of each cloud, in that order,
-// row-major out T[Q, {(0,0): m₀, (1,0): m₁}] error (float, against double): 2e-5 of the largest output entry
-// at k ≤ 64.
+// in  features T[P, {(0,0): c₀, (1,0): c₁}]
+// in  index u32[Q, k]
+// in  centres T[Q, 3]
+// in  neighbours T[P, 3]
+// in  coefficients T[clouds, coefficient_count()]    if `per_cloud`
+//       M₀, O₀, S₀, Mᶻ₀, Oᶻ₀ of each cloud, in that order, row-major
+// out features T[Q, {(0,0): m₀, (1,0): m₁}]
+// error 2e-5 (float, against double), relative to the largest entry of the output, at k ≤ 64
 #pragma once
 
 #include <Eigen/Core>

@@ -1,7 +1,9 @@
 // radial: the small network φ(lengths) of an equivariant kernel, one per (degree in, degree out).
 //   Linear(e → 32, no bias) → LN → LeakyReLU(0.2) → Linear(32 → 32) → LN → LeakyReLU(0.2) → Linear(32 → n)
-// scale degree 1: no LN, no bias, so φ is positively homogeneous of degree 1.
-// in  lengths T[E, e]     out T[E, n], n = c_out · c_in · freq, freq fastest
+// Scale degree 1: no LN, no bias, so φ is positively homogeneous of degree 1.
+// in  lengths T[E, e]
+// out coefficients T[E, n]      n = c_out · c_in · freq, freq fastest
+// error that of the operation that evaluates it
 #pragma once
 
 #include <Eigen/Core>

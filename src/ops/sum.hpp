@@ -1,5 +1,7 @@
-// sum: of tensors of one shape, in the order given.
-// in  two or more T[rows, width]     out T[rows, width]
+// sum: adds tensors of one shape in the order given.
+// in  addends T[rows, width]    two or more
+// out sum T[rows, width]
+// error 2e-5 (float, against double), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {
