@@ -10,7 +10,7 @@
 // out 6 result f32[P,F]
 // spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS  5 EDGE  6 AT  7 K≤64  8 PART
 // grid (tiles, ceil(QUADS / PART)) | shared 0 KiB
-// loops ≤ K + edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ K + edges from a row < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

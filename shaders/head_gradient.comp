@@ -10,7 +10,7 @@
 // out 7 d_constants f32[B,D]    of each pair: GraphNorm's weight[SCALARS], bias[SCALARS], mean scale[SCALARS]; logits'
 //                               weight[SCALARS,3], bias[3]; mix of vectors[VECTORS], of matrices[MATRICES]; padded to D
 // spec 0 WORKGROUP=128  1 SCALARS≤256  2 VECTORS≤64  3 MATRICES≤64  4 POSITIONS  5 FEATURES | grid pairs | shared 16 KiB
-// loops for K ≤ 1024: ≤ 54000 < 65535 | error: 1e-5 of the largest entry | fp32
+// loops for K ≤ 1024: ≤ 54000 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -7,7 +7,7 @@
 // out 4 result  f32[Q,HEADS,V4]
 // spec 0 WORKGROUP=64  1 K≤64  2 HEADS  3 KEY_WIDTH≤1024  4 VALUE_WIDTH≤1024 |
 // grid ceil(Q / 8), HEADS | shared 4.25 KiB
-// loops ≤ D4/4 + V4/32 · K ≤ 2304 | error: 1e-5 of the largest value | fp32
+// loops ≤ D4/4 + V4/32 · K ≤ 2304 | error: see src/ops/neighbour_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

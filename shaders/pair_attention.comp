@@ -8,7 +8,7 @@
 //      22 RELU  23 RELU_SQUARE
 // grid N | shared 4·(K·HEADS + HEADS + numbers of keys and values + 2·R) bytes ≤ 16 KiB
 // loops ≤ 2·K·HEADS + (K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + OUT + 10)) / WORKGROUP < 65535
-// error: with pair_messages 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"

@@ -10,7 +10,7 @@
 //      22 RELU  23 RELU_SQUARE
 // grid N | shared 4·(2·K·HEADS + HEADS + numbers of keys + 2·values + 5·R) bytes ≤ 16 KiB
 // loops ≤ 4·K·HEADS + (2·K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + 2·OUT + 20)) / WORKGROUP < 65535
-// error: with the rest 1e-4 of the largest entry | fp32
+// error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"

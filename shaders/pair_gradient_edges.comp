@@ -12,7 +12,7 @@
 // out 8 edges      f32[N·K,F+8]    gradients of the feature and of centre − neighbour, both sides
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH
 // grid ceil(N·K / WORKGROUP) | shared 0 KiB
-// loops ≤ IN4 + TABLES + VALUES + KEYS < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ IN4 + TABLES + VALUES + KEYS < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -11,7 +11,7 @@
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid ceil(N·K / WORKGROUP) | shared 0 KiB
 // loops ≤ IN4·(TABLES·SEARCH + 8·(VALUES + KEYS)·(1 + 32·6)) < 65535, as src/vk/pair_messages.cpp sees to
-// error: with the rest of the layer 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

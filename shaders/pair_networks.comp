@@ -12,7 +12,7 @@
 // spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤32  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid ceil(N·K / EDGES) | shared 352 + 8·EDGES + 256·IN4 + 156·TABLES + 4·M bytes ≤ 16 KiB
 // loops ≤ EDGES·(8 + 64·IN4 + 40·TABLES + ⌈M/WORKGROUP⌉·(60 + 384·IN4)) < 65535, as src/vk/pair_attention.cpp sees to
-// error: with the rest of the layer 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

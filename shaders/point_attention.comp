@@ -11,7 +11,7 @@
 // out 8 kept         f32[Q,KEPT,4] sums of degree 0 and, by component, 1; flag; per head largest logit, 1 / total: for
 //                                the gradient, if it is to follow
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS | grid tiles | shared 0 KiB
-// loops ≤ K + OUT0 ≤ 1088 < 65535 | error: 2e-5 of the largest output entry | fp32
+// loops ≤ K + OUT0 ≤ 1088 < 65535 | error: see src/ops/point_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -8,7 +8,7 @@
 // in  2 d_poses  f32[B,16]  of R and t; singular values and determinant have no gradient
 // out 3 d_pieces f32[B,24]
 // spec 0 WORKGROUP=32 | grid ceil(B / WORKGROUP) | shared 0 KiB
-// loops ≤ 6 < 65535 | error: 1e-5 / gap of the largest entry, gap = (s₂ ± s₃)/s₁ | fp32
+// loops ≤ 6 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/loss.glsl"

@@ -8,7 +8,7 @@
 // out logits T[Q, k, heads]
 // out weights T[Q, k, heads]
 // out sums T[Q, value_fiber]
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -19,6 +19,8 @@ struct Attend {
   int heads = 1;
   irreps::Fiber value_fiber, key_fiber;    ///< what is used
   irreps::Fiber values_fiber, keys_fiber;  ///< of the tensors it is used from
+
+  double float_error() const { return 2e-5; }
 };
 
 }  // namespace bitr::ops

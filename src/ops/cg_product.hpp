@@ -6,7 +6,7 @@
 //       one channel, T[E, dim(b)], if `shared`
 // in  index u32[Q, k]       with it E = Q·k, and edge e takes the row index[e] of a; without, E = P
 // out products T[E, C·dim(out)]
-// error 1e-6 (float, against double), relative to the largest Σ_ij |Q a b|
+// error float_error(), relative to the largest Σ_ij |Q a b|
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -17,6 +17,8 @@ struct CgProduct {
   irreps::Degree a, b, out;
   int channels = 1;
   bool shared = false;  ///< all channels of a meet the one channel of b
+
+  double float_error() const { return 1e-6; }
 };
 
 }  // namespace bitr::ops

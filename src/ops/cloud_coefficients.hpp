@@ -6,7 +6,7 @@
 // in  globals T[clouds, global_channels]
 // out coefficients T[clouds, layer.coefficient_count()]
 //       M₀, O₀, S₀, Mᶻ₀, Oᶻ₀ of `layer` (ops/point_attention.hpp)
-// error 1e-6 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include "ops/point_attention.hpp"
@@ -16,6 +16,9 @@ namespace bitr::ops {
 struct CloudCoefficients {
   PointAttention full;   ///< the layer on the extended features
   PointAttention layer;  ///< the layer on the points' own features, with per-cloud coefficients
+
+  double float_error() const { return 1e-6; }
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
 };
 
 }  // namespace bitr::ops

@@ -3,7 +3,7 @@
 // in  weights T[P, channels]
 // in  values T[P, width]        columns [skip, width) are summed
 // out sums T[clouds·channels, width − skip]
-// error 1e-6 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {
@@ -11,6 +11,8 @@ namespace bitr::ops {
 struct CloudSum {
   int channels = 1;
   int skip = 0;  ///< leading columns of the values that are left out
+
+  double float_error() const { return 1e-6; }
 };
 
 }  // namespace bitr::ops

@@ -5,7 +5,7 @@
 // in  lengths T[Q, k, sides]
 // in  directions T[Q, k, 3·sides]
 // out messages T[Q, k, fiber_out]
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <vector>
@@ -18,6 +18,8 @@ struct Convolve {
   int sides = 1;
   irreps::Fiber fiber_in, fiber_out;
   std::vector<RadialBlock> blocks;  ///< every (in, out), both sorted, in slow
+
+  double float_error() const { return 2e-5; }
 };
 
 }  // namespace bitr::ops

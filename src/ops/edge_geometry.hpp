@@ -6,13 +6,15 @@
 // out lengths T[Q, k, sides]
 // out directions T[Q, k, 3·sides]
 //       unit vectors in the order (y, z, x); the zero vector where the length is 0
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {
 
 struct EdgeGeometry {
   int sides = 1;
+
+  double float_error() const { return 2e-5; }
 };
 
 /// torch.normalize's guard: shorter vectors are divided by this instead of their length.

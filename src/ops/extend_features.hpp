@@ -6,7 +6,7 @@
 // in  means T[clouds, fiber]
 // in  globals T[clouds, global_channels]
 // out features T[P, extended()]
-// error none: numbers are copied
+// error float_error() is 0: numbers are copied
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -20,6 +20,7 @@ struct ExtendFeatures {
   irreps::Fiber extended() const {
     return {{{0, 0}, 3 * fiber.channels({0, 0}) + 2 * global_channels}, {{1, 0}, 2 * fiber.channels({1, 0})}};
   }
+  double float_error() const { return 0; }
 };
 
 }  // namespace bitr::ops

@@ -11,7 +11,7 @@
 // out weights T[pairs·K, 3]
 // out pieces T[pairs, 21]
 //       r (9, row: source, column: reference), m₁ m₂ (6), a (3), b (3)
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <Eigen/Core>
@@ -29,6 +29,9 @@ struct Head {
   Eigen::MatrixXd logit_weight;  ///< 3 × c₀
   Eigen::VectorXd logit_bias;
   Eigen::RowVectorXd vector_mix, matrix_mix;  ///< 1 × channels of (1,0)/(0,1) and of (1,1)
+
+  double float_error() const { return 2e-5; }
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
 };
 
 }  // namespace bitr::ops

@@ -7,7 +7,7 @@
 // in  normals T[P, 3]           if `normals`
 // in  offsets T[P, 3]           if `offsets`
 // out features T[P, fiber]
-// error 1e-6 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -26,6 +26,7 @@ struct InputFeatures {
     if (normals || offsets) fiber.set({1, 0}, normals && offsets ? 2 : 1);
     return fiber;
   }
+  double float_error() const { return offsets ? 1e-6 : 0; }
 };
 
 }  // namespace bitr::ops

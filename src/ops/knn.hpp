@@ -5,7 +5,7 @@
 // in  references T[P, dim]      the same tensor if `exclude_self`
 // out index u32[Q, k]
 //       global rows of `references`, ascending (distance, index); ties → lower index
-// error none: the lists are exact for distances in T
+// error float_error() is 0: the lists are exact for distances in T
 #pragma once
 
 #include <bitr/neighbor_search.hpp>
@@ -18,6 +18,8 @@ struct Knn {
   int dim = 3;               ///< 3, or 6 for pairs of key points
   bool exclude_self = true;  ///< query row i is reference row i and never its own neighbour
   NeighborSearch search = NeighborSearch::automatic;  ///< of 3-D points among themselves
+
+  double float_error() const { return 0; }
 };
 
 }  // namespace bitr::ops

@@ -17,7 +17,7 @@
 // in  key points T[clouds·K, 3]
 // out terms T[pairs, 3]
 //       rotation, translation, spread
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 // source §5 of the paper: `official`
 #pragma once
 
@@ -41,6 +41,9 @@ constexpr double robust_rotation_weight = 0.5, robust_softening = 1e-3;
 
 struct Loss {
   LossKind kind = LossKind::direct;
+
+  double float_error() const { return 1e-5; }
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
 };
 
 }  // namespace bitr::ops

@@ -8,7 +8,7 @@
 // in  positions T[P, 3]
 // in  index u32[P, k]
 // out features T[P, {(0,0): m₀, (1,0): m₁}]
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <Eigen/Core>
@@ -22,6 +22,8 @@ struct MeanDirection {
   Eigen::VectorXd slopes;   ///< m₁
   PointAttention general;   ///< c₀ = 1, c₁ = 0
   double constant = 0.5;    ///< the input feature
+
+  double float_error() const { return general.float_error(); }
 };
 
 }  // namespace bitr::ops

@@ -4,7 +4,7 @@
 // in  features T[clouds·K, {(0,0): m, (1,0): m}]
 // out positions T[pairs·K, 6]
 // out features T[pairs·K, merged()]
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -17,6 +17,8 @@ struct MergePairs {
   irreps::Fiber merged() const {
     return {{{0, 0}, channels}, {{0, 1}, channels}, {{1, 0}, channels}, {{1, 1}, channels}};
   }
+  double float_error() const { return 1e-7; }
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
 };
 
 }  // namespace bitr::ops

@@ -7,13 +7,15 @@
 // in  values T[P, heads, V]
 // in  index u32[Q, k]           k ≤ 64
 // out sums T[Q, heads, V]
-// error 1e-5 (float, against double), relative to the largest |v|, at |e| ≤ 30 and D ≤ 256
+// error float_error(), relative to the largest |v|, at |e| ≤ 30 and D ≤ 256
 #pragma once
 
 namespace bitr::ops {
 
 struct NeighbourAttention {
   double scale = 1;
+
+  double float_error() const { return 1e-5; }
 };
 
 }  // namespace bitr::ops

@@ -11,13 +11,13 @@
 // in  index u32[pairs·K, k]
 // in  positions T[pairs·K, 6]
 // out features T[pairs·K, fiber_out]
-// error 5e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <algorithm>
 #include <vector>
 
-#include "ops/linear.hpp"
+#include "ops/projected_relu.hpp"
 #include "ops/sector_table.hpp"
 
 namespace bitr::ops {
@@ -44,6 +44,8 @@ struct PairAttention {
   bool relu = false;
   DegreeMatrices planes;
   bool relu_square = false;  ///< ops::ProjectedRelu::square
+
+  double float_error() const { return relu_error(5e-5, relu_square); }
 };
 
 }  // namespace bitr::ops

@@ -17,10 +17,12 @@
 // in  coefficients T[clouds, coefficient_count()]    if `per_cloud`
 //       M₀, O₀, S₀, Mᶻ₀, Oᶻ₀ of each cloud, in that order, row-major
 // out features T[Q, {(0,0): m₀, (1,0): m₁}]
-// error 2e-5 (float, against double), relative to the largest entry of the output, at k ≤ 64
+// error float_error(), relative to the largest entry of the output, at k ≤ 64
 #pragma once
 
 #include <Eigen/Core>
+
+#include "ops/projected_relu.hpp"
 
 namespace bitr::ops {
 
@@ -31,8 +33,8 @@ struct PointAttention {
   bool uniform = false;    ///< no queries (zero centre features): plain mean over the neighbours, heads = 1
   bool direction = false;  ///< φ⁰ ends with v itself
   bool per_cloud = false;  ///< degree-0 coefficients come from a tensor
-  Eigen::MatrixXd M0,
-      M1;  ///< (heads·n₀) × (c₀+1), last column constant; (heads·n₁) × c₁, empty without keys there
+  /// (heads·n₀) × (c₀+1), last column constant; (heads·n₁) × c₁, empty without keys there
+  Eigen::MatrixXd M0, M1;
   Eigen::MatrixXd O0, O1;    ///< m₀ × (heads·n₀); m₁ × (heads·n₁)
   Eigen::MatrixXd S0, S1;    ///< m₀ × (c₀+1), last column constant; m₁ × c₁
   Eigen::MatrixXd Mz0, Mz1;  ///< (heads·(c₀+1)) × (c₀+1); (heads·c₁) × c₁, empty without keys there
@@ -47,6 +49,7 @@ struct PointAttention {
     const int from = c0 + 1;
     return heads * n0() * from + m0 * heads * n0() + m0 * from + heads * from * from + m0 * heads * from;
   }
+  double float_error() const { return relu_error(2e-5, relu_square); }
 };
 
 }  // namespace bitr::ops

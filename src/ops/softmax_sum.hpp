@@ -3,7 +3,7 @@
 // in  logits T[P, width]        the first `channels` columns are used
 // in  values T[P, width_i]      one or more; columns [skip_i, width_i) are summed
 // out sums T[clouds·channels, width_i − skip_i]    one per values tensor
-// error 2e-5 (float, against double), relative to the largest entry of the output
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <vector>
@@ -13,6 +13,9 @@ namespace bitr::ops {
 struct SoftmaxSum {
   int channels = 1;
   std::vector<int> skip;  ///< one per values tensor
+
+  double float_error() const { return 2e-6; }
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
 };
 
 }  // namespace bitr::ops

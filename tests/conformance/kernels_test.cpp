@@ -7,6 +7,7 @@
 
 #include "irreps/clebsch_gordan.hpp"
 #include "irreps/rotation.hpp"
+#include "ops/op.hpp"
 #include "support/plain_knn.hpp"
 #include "support/random_motion.hpp"
 #include "support/vulkan.hpp"
@@ -151,7 +152,7 @@ class Cases : public testing::Test {
             largest = std::max(largest, size);
           }
       }
-    EXPECT_LE(worst, (single ? 1e-6 : 1e-14) * largest);
+    EXPECT_LE(worst, (single ? ops::CgProduct{}.float_error() : 1e-14) * largest);
     record("cg_product", worst / largest);
   }
 
@@ -197,7 +198,7 @@ class Cases : public testing::Test {
         for (int i = 0; i < V; ++i)
           worst = std::max(worst, std::abs(double(out[(row * shape.heads + h) * V + i]) - sums[i]));
       }
-    EXPECT_LE(worst, single ? 1e-5 : 1e-14);  // values are at most 1
+    EXPECT_LE(worst, single ? ops::NeighbourAttention{}.float_error() : 1e-14);  // values are at most 1
     record("attention", worst);
   }
 

@@ -17,8 +17,6 @@ namespace {
 using graph::Rows;
 using test::OpTensor;
 
-constexpr double bound = 5e-5;  // of ops/pair_attention.hpp
-
 ModelConfig small_config() {
   ModelConfig config;
   config.num_key_points = 12;
@@ -103,7 +101,7 @@ class PairAttentionVulkan : public testing::Test {
       worst = std::max(worst, std::abs(values[i] - exact[i]));
       largest = std::max(largest, std::abs(exact[i]));
     }
-    EXPECT_LE(worst, bound * largest);
+    EXPECT_LE(worst, op.float_error() * largest);
     worst_ = std::max(worst_, worst / largest);
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }

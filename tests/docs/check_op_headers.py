@@ -5,7 +5,7 @@ check_op_headers.py FOLDER: the opening comment of each header there, but for th
     // STEM: what it is, and formulas
     // in  NAME SHAPE  …     one line per input; lines indented further go on
     // out NAME SHAPE  …     one line per output
-    // error …               bound on float's difference from double
+    // error …               float_error() where the header has it, and what it is relative to; no number
     // source …              optional
 A shape (T[…] or u32[…]) in any other line, or a second one in the same line, is a table that was reflowed.
 """
@@ -43,6 +43,9 @@ def faults(stem, text):
             yield number, "prose behind the table"
         in_table = in_table or bool(entry)
         tensor = in_table and order[-1] in ("in", "out")
+        if entry and entry[1] == "error" and (line.startswith("// error float_error()") != ("double float_error()" in text)
+                                              or re.search(r"\de-\d", line)):
+            yield number, "the error is not float_error(), and that alone"
         if len(SHAPE.findall(line)) > (1 if tensor else 0) or REFLOWED.search(line[2:]):
             yield number, "a tensor or entry that does not begin its line"
     if not in_table:

@@ -13,6 +13,7 @@ GOOD = """// blur: a mean over neighbours.
 // source §4 of the paper
 #pragma once
 // in  anything T[P]   in  else T[Q]
+  double float_error() const { return 1e-6; }
 """
 
 
@@ -36,6 +37,14 @@ class OpHeaders(unittest.TestCase):
                          reflowed)
         self.assertEqual(self.found(("\n// error", " error")), reflowed + ["no line '// error …'"])
         self.assertIn(reflowed[0], self.found(("k\n// in  features", "k. in  features")))
+
+    def test_the_bound(self):
+        wrong = ["the error is not float_error(), and that alone"]
+        self.assertEqual(self.found(("// error float_error()", "// error 1e-6")), wrong)
+        self.assertEqual(self.found(("largest entry", "1e-6 of the largest entry")), wrong)
+        self.assertEqual(self.found(("  double float_error()", "  double error()")), wrong)
+        self.assertEqual(self.found(("  double float_error()", "  double error()"),
+                                    ("// error float_error(), relative", "// error none, relative")), [])
 
     def test_prose_behind_the_table(self):
         self.assertEqual(self.found(("//       of the same width", "// of the same width")), ["prose behind the table"])
