@@ -153,7 +153,7 @@ class RecentQueries {
 
  private:
   static constexpr int count = 16;
-  using Row = Eigen::Array<T, count, 1>;
+  using Row = Lanes<T, count>;
   Row x_ = Row::Zero(), y_ = Row::Zero(), z_ = Row::Zero();
   Row radius_ = Row::Constant(std::numeric_limits<T>::infinity());
   int next_ = 0;

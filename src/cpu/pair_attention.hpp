@@ -88,7 +88,7 @@ struct PairConstants {
 template <class T, int Width>
 class PairRow {
  public:
-  using Edges = Eigen::Array<T, Width, 1>;
+  using Edges = Lanes<T, Width>;
 
   PairRow(const PairConstants<T>& prepared, int k)
       : p_(prepared),

@@ -12,7 +12,7 @@ namespace {
 template <class T, int Width>
 class PointRow {
  public:
-  using Edges = Eigen::Array<T, Width, 1>;
+  using Edges = Lanes<T, Width>;
 
   PointRow(const ops::PointAttention& op, const RowMatrix<T>& plane, int k)
       : op_(op),

@@ -28,7 +28,6 @@ class CgProductKernel : public Kernel {
         add_constant(term.coefficient);
       }
     }
-    const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     const auto k = number(site.in.size() > 2 ? site.in[2].per_row : 0);
     pipeline_ = &site.context.pipeline(
         shader, std::array{group_size, k, number(op.channels), number(op.shared), number(op.a.dim()),

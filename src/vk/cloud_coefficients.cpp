@@ -27,7 +27,6 @@ class CloudCoefficientsKernel : public Kernel {
     for (const MatrixXd& matrix : cloud_layer_weights(op, site.in[1].width)) add_constants(matrix);
     require(extra, c1, heads * (c0 + 2 * c1 + op.full.c0 + 1) + layer.m0 * (1 + heads), layer);
 
-    const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     pipeline_ =
         &site.context.pipeline(shader, std::array{number(work_group), number(c0), number(c1),
                                                   number(site.in[1].width), number(layer.m0), number(heads)});

@@ -15,6 +15,12 @@ namespace bitr::vk {
 /// Rows of a segment (cloud or pair) that one work group takes; also its size.
 constexpr std::uint32_t tile_rows = 32;
 
+/// A size, count or flag as shaders take it.
+template <class Integer>
+constexpr std::uint32_t number(Integer x) {
+  return static_cast<std::uint32_t>(x);
+}
+
 /// Numbers of a row are padded to whole vec4s, so that a shader may read any tensor either way.
 constexpr std::uint32_t padded(int width) { return (static_cast<std::uint32_t>(width) + 3) / 4 * 4; }
 

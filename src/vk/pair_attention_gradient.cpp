@@ -17,6 +17,7 @@
 #include "pair_gradient_tables.spv.hpp"
 #include "pair_gradient_tables_texels.spv.hpp"
 #include "pair_gradient_turn.spv.hpp"
+#include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/pair_messages.hpp"
 #include "vk/reverse_neighbours.hpp"
@@ -87,8 +88,6 @@ constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
 // Between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{96} << 20;
 
-std::uint32_t number(std::size_t x) { return static_cast<std::uint32_t>(x); }
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
 
 // Numbers of a node's record by degree and component, channels padded to vec4s
@@ -349,7 +348,7 @@ class PairGradientKernel : public Kernel {
     const auto take = [&](std::size_t numbers) {
       const std::size_t bytes = sizeof(float) * std::max<std::size_t>(numbers, 4);
       const Range range = scratch.sub(memory.bytes, bytes);
-      memory.bytes += (bytes + 255) / 256 * 256;
+      memory.bytes += scratch_aligned(bytes);
       return range;
     };
     const std::size_t tables = messages_.tables();

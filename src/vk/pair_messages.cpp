@@ -34,7 +34,6 @@ constexpr std::uint32_t ordered_edges = 4096;   // by a work group
 constexpr std::uint32_t wide_work_group = 128;  // of pair_networks, where loops would be too long for 32
 constexpr std::uint32_t most_shared = 16384;    // bytes: what every device has
 
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
 
 }  // namespace

@@ -66,7 +66,6 @@ class PointAttentionKernel : public Kernel {
  private:
   std::array<std::uint32_t, 9> specializations(const KernelContext& site) const {
     const ops::PointAttention& op = op_;
-    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
                                 (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
                                 (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |

@@ -7,6 +7,7 @@
 #include "point_attention_gradient_texels.spv.hpp"
 #include "point_attention_sums.spv.hpp"
 #include "point_attention_sums_texels.spv.hpp"
+#include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/reverse_neighbours.hpp"
 
@@ -42,9 +43,7 @@ constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vec
 constexpr std::uint32_t listed_tiles = 32;
 constexpr std::size_t cached_rows = 4096 + 63;
 
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t quads(int n) { return padded(n) / 4; }
-std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
 
 // What is kept of a row, in vec4s (common/point_layer.glsl).
 struct Record {
@@ -260,10 +259,11 @@ class PointGradientKernel : public Kernel {
   Memory memory(const graph::BatchLayout& layout) const {
     const std::size_t rows = std::min(layout.rows(rows_), most_rows());
     Memory memory{};
-    memory.edges = aligned(rows * record_bytes());
-    memory.edge_bytes = std::max<std::size_t>(aligned(rows * edge_bytes()), 256);
+    memory.edges = scratch_aligned(rows * record_bytes());
+    memory.edge_bytes = std::max<std::size_t>(scratch_aligned(rows * edge_bytes()), 256);
     memory.partials = memory.edges + memory.edge_bytes;
-    memory.partial_bytes = std::max<std::size_t>(aligned(products_.partial_bytes(layout, rows_)), 256);
+    memory.partial_bytes =
+        std::max<std::size_t>(scratch_aligned(products_.partial_bytes(layout, rows_)), 256);
     memory.bytes = memory.partials + memory.partial_bytes;
     return memory;
   }

@@ -10,6 +10,7 @@
 #include "reverse_neighbours_fill.spv.hpp"
 #include "reverse_neighbours_scan.spv.hpp"
 #include "reverse_neighbours_sort.spv.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -40,9 +41,8 @@ constexpr Shader texel_gather_shader{"gather_edges_texels", spirv::gather_edges_
 
 constexpr std::uint32_t work_group = 128;
 
-std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
 std::uint32_t part(const EdgeGather::Shape& shape) { return std::min(shape.width / 4, 4u); }
-std::size_t list_bytes(std::size_t count) { return aligned(sizeof(std::uint32_t) * count); }
+std::size_t list_bytes(std::size_t count) { return scratch_aligned(sizeof(std::uint32_t) * count); }
 
 }  // namespace
 

@@ -27,7 +27,6 @@ class SoftmaxSumGradient : public Kernel {
  public:
   SoftmaxSumGradient(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op)
       : op_(op), capabilities_(site.context.capabilities()), stride_(padded(site.in[0].width)) {
-    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     normaliser_ = &site.context.pipeline(normaliser_shader, std::array{work_group, stride_});
     std::uint32_t added = 0;
     for (int i = 0; i < op.outputs; ++i) {
