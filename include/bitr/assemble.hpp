@@ -59,8 +59,10 @@ struct Diagnostics {
   /// (s₂ ± s₃)/s₁ with the sign of det r̂: the distance of the rotation from being ambiguous, in [0, 2].
   double rotation_gap = 0;
   bool degenerate = false;
-  std::string reason;                 ///< empty when not degenerate
-  std::optional<double> overlap;      ///< share of source points with a reference point within the threshold
+  std::string reason;  ///< empty when not degenerate
+  /// Share of the source's points with a reference point within inlier_threshold, at the pose found: distances
+  /// only. (Refinement and Evidence count counterparts, within another length; GeneratedPair knows the truth.)
+  std::optional<double> overlap;
   std::optional<double> inlier_rmse;  ///< over those points, in the clouds' units; empty if there are none
   std::optional<double> inlier_threshold;  ///< twice the larger of the clouds' median neighbour distances
   std::optional<double> swap_residual;  ///< |f(X,Y)∘f(Y,X) − I|, translations in units of the reference's

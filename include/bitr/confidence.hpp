@@ -50,7 +50,7 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
 /// What a pose is judged by. Nothing here depends on units or on the frames of the clouds.
 struct Evidence {
   double score = 0;    ///< see refinement_score
-  double overlap = 0;  ///< share of the points with a counterpart (as in that score), of the cloud with more
+  double overlap = 0;  ///< Refinement::overlap_before of the pose: the larger of the clouds' shares
   /// How near the rims, where a cloud's surface ends, are to the other cloud: the mean over the rims' points
   /// of 1 − (d/2τ)², at least 0; empty without rims. What clouds that only meet have in common. τ is that of
   /// the score (refine.hpp).

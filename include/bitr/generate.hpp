@@ -59,8 +59,9 @@ struct GeneratedPair {
   PointCloud source;
   PointCloud reference;
   Pose T_reference_source;
-  Pose T_source_object;    ///< from the frame of the whole object to the source's
-  double overlap = 0;      ///< share of the object's points in the part that both clouds cover: 1 for a copy
+  Pose T_source_object;  ///< from the frame of the whole object to the source's
+  double overlap =
+      0;  ///< the truth: share of the object's points in the part both clouds cover; 1 for a copy
   Symmetry symmetry = {};  ///< of the whole object, though a break or equal points may tell its turns apart
 };
 

@@ -36,9 +36,9 @@ struct RefineOptions {
   /// Of ICP: the share of the smaller cloud's points that has a counterpart, above 0 and up to 1. Empty:
   /// estimated (adaptive), 0.8 (official).
   std::optional<double> keep = {};
-  /// Of the adaptive protocol: where fewer points of either cloud have a counterpart at the start (as in
-  /// Refinement::overlap), there is nothing to refine on and the start is returned: clouds that only meet
-  /// would be pulled over one another. The same when the overlap is won on the way. 0 … 1; 0: never.
+  /// Of the adaptive protocol: where Refinement::overlap_before is smaller, there is nothing to refine on and
+  /// the start is returned: clouds that only meet would be pulled over one another. The same when less than
+  /// half of the proposal's overlap was nearer than 2τ at the start. 0 … 1; 0: never.
   double least_overlap = 0.2;
   /// 1 … 100,000; of transport, of each stage; empty: the protocol's.
   std::optional<int> most_iterations = {};
@@ -68,9 +68,12 @@ struct Refinement {
   double score_before = 0, score_after = 0;  ///< of the start, of the proposal
 
   int iterations = 0;
-  bool converged = false;     ///< stopped before the most iterations
-  double overlap_before = 0;  ///< what least_overlap is compared with
-  double overlap = 0;  ///< share of source points nearer than τ to the reference, at the pose returned
+  bool converged = false;  ///< stopped before the most iterations
+  /// A point has a counterpart where the other cloud's nearest point is nearer than τ and, where both clouds
+  /// have normals, turned by less than 60°. At the start: the share of a cloud's points that have one, of the
+  /// cloud where it is larger.
+  double overlap_before = 0;
+  double overlap = 0;               ///< share of the source's points with a counterpart, at the pose returned
   std::optional<double> rmse;       ///< of their distances, in the clouds' units; empty when there is none
   double spacing = 0;               ///< the larger of the clouds' median distances between neighbours
   std::size_t workspace_bytes = 0;  ///< host memory taken beside the clouds: linear in their points
