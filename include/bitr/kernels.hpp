@@ -14,6 +14,7 @@
 // of arithmetic.
 #pragma once
 
+#include <bitr/degree.hpp>
 #include <bitr/device.hpp>
 #include <bitr/neighbor_search.hpp>
 #include <bitr/result.hpp>
@@ -91,17 +92,6 @@ Result<std::vector<std::uint32_t>> knn(const Device& device, const KnnShape& sha
                                        const Segments<T>& queries, const Segments<T>& references);
 
 // ---- Clebsch–Gordan products
-
-/// How a feature of (2p+1)(2q+1) numbers turns: rotations (R₁, R₂) act on it as D^p(R₁) ⊗ D^q(R₂), p's index
-/// slow. {l} is an ordinary feature of degree l under one rotation. The basis of a degree is that of the real
-/// spherical harmonics, m = −l … l; degree 1 is a vector in the order (y, z, x).
-struct Degree {
-  int p = 0;
-  int q = 0;
-
-  int dim() const { return (2 * p + 1) * (2 * q + 1); }
-  bool operator==(const Degree&) const = default;
-};
 
 struct CgProductShape {
   Degree a, b, out;       ///< 0 … 2 each; |a − b| ≤ out ≤ a + b for p and for q

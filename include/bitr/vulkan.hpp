@@ -45,7 +45,7 @@ struct Bindings {
   std::uint32_t position_stride = 3;            ///< numbers from one point to the next, ≥ 3
   std::span<const std::uint32_t> source_sizes;  ///< points of every source
   std::span<const std::uint32_t> reference_sizes = {};  ///< points of every reference
-  BufferSlice poses;                               ///< f32[pairs, 16]: row-major 4×4, T_reference_source
+  BufferSlice poses;  ///< f32[pairs, 16]: row-major 4×4, T_reference_source
 };
 
 /// Records a forward pass over `bindings` into the application's command buffer, which is being recorded, on

@@ -68,8 +68,12 @@ void check_index(Index index, std::size_t rows) {
 
 // Inputs are added in the order in which a run gets them, then the result.
 graph::TensorId add(graph::Graph& graph, const char* name, Rows rows, int per_row, int width) {
-  return graph.add(
-      {.name = name, .rows = rows, .per_row = per_row, .width = width, .kind = ElementKind::real, .fiber = {}});
+  return graph.add({.name = name,
+                    .rows = rows,
+                    .per_row = per_row,
+                    .width = width,
+                    .kind = ElementKind::real,
+                    .fiber = {}});
 }
 
 graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
@@ -233,12 +237,7 @@ std::vector<graph::Graph> graphs_of(const CgProductShape& shape) {
   if (edges) inputs.push_back(add_index(graph, rows, shape.k));
   const auto out = add(graph, "out", rows, per_row, widths.out);
   return {finished(std::move(graph),
-                   ops::CgProduct{{shape.a.p, shape.a.q},
-                                  {shape.b.p, shape.b.q},
-                                  {shape.out.p, shape.out.q},
-                                  shape.channels,
-                                  shape.shared_b},
-                   inputs, out)};
+                   ops::CgProduct{shape.a, shape.b, shape.out, shape.channels, shape.shared_b}, inputs, out)};
 }
 
 template <class T>

@@ -24,21 +24,21 @@ std::vector<std::pair<double, double>> thinned(const std::vector<std::pair<doubl
   constexpr std::size_t most = 400;
   if (points.size() <= most) return points;
   const double first = std::log(points.front().first), last = std::log(points.back().first);
-  std::vector<std::pair<double, double>> kept;
+  std::vector<std::pair<double, double>> means;
   std::vector<std::size_t> counts;
   std::size_t bin_before = most;
   for (const auto& [x, y] : points) {
     const auto bin = static_cast<std::size_t>((std::log(x) - first) / (last - first) * (most - 1));
     if (bin != bin_before) {
-      kept.emplace_back(0, 0);
+      means.emplace_back(0, 0);
       counts.push_back(0);
     }
     bin_before = bin;
     const double n = static_cast<double>(++counts.back());
-    kept.back().first += (x - kept.back().first) / n;
-    kept.back().second += (y - kept.back().second) / n;
+    means.back().first += (x - means.back().first) / n;
+    means.back().second += (y - means.back().second) / n;
   }
-  return kept;
+  return means;
 }
 
 std::string panel(double top, const std::string& title, const std::vector<Line>& lines, double first_step,

@@ -326,7 +326,7 @@ TYPED_TEST(Kernels, ProductsTurnWithTheirFeatures) {
                             R2 = test::random_rotation(this->random_);
       const auto turned = [&](const std::vector<T>& features, Degree degree) {
         using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-        const Eigen::MatrixXd D = irreps::wigner(irreps::Degree{degree.p, degree.q}, R1, R2);
+        const Eigen::MatrixXd D = irreps::wigner(degree, R1, R2);
         std::vector<T> result(features.size());
         Eigen::Map<RowMajor>(result.data(), rows, degree.dim()) =
             (Eigen::Map<const RowMajor>(features.data(), rows, degree.dim()).template cast<double>() *
@@ -340,9 +340,7 @@ TYPED_TEST(Kernels, ProductsTurnWithTheirFeatures) {
       ASSERT_EQ(first.size(), last.size());
       for (std::size_t i = 0; i < first.size(); ++i)
         ASSERT_NEAR(first[i], last[i], this->single ? 1e-5 : 1e-13)
-            << irreps::Degree{shape.a.p, shape.a.q}.str() << " x "
-            << irreps::Degree{shape.b.p, shape.b.q}.str() << " -> "
-            << irreps::Degree{shape.out.p, shape.out.q}.str();
+            << shape.a.str() << " x " << shape.b.str() << " -> " << shape.out.str();
     }
 }
 
