@@ -28,8 +28,8 @@ using graph::ElementKind;
 using graph::Rows;
 using Index = std::span<const std::uint32_t>;
 
-constexpr int most_neighbours = 64;
-constexpr std::size_t most_rows = std::numeric_limits<std::uint32_t>::max() / most_neighbours;
+constexpr int most_neighbors = 64;
+constexpr std::size_t most_rows = std::numeric_limits<std::uint32_t>::max() / most_neighbors;
 
 std::size_t size(int x) { return static_cast<std::size_t>(x); }
 
@@ -134,7 +134,7 @@ Result<std::vector<Number>> once(Result<Kernel> kernel, Size numbers, Run run) {
 // ---- Nearest neighbours
 
 void check(const KnnShape& shape) {
-  check_range("k", shape.k, 1, most_neighbours);
+  check_range("k", shape.k, 1, most_neighbors);
   check_range("dim", shape.dim, 1, 8);
 }
 
@@ -207,7 +207,7 @@ void search(Kept<T, KnnShape>& kept, const Segments<T>* queries, const Segments<
 
 void check(const CgProductShape& shape) {
   check_range("channels", shape.channels, 1, 1024);
-  check_range("k", shape.k, 0, most_neighbours);
+  check_range("k", shape.k, 0, most_neighbors);
   const auto side = [](const std::string& name, int a, int b, int out) {
     check_range((name + " of a").c_str(), a, 0, 2);
     check_range((name + " of b").c_str(), b, 0, 2);
@@ -262,7 +262,7 @@ void check(const AttentionShape& shape) {
   check_range("heads", shape.heads, 1, 64);
   check_range("key_width", shape.key_width, 1, 1024);
   check_range("value_width", shape.value_width, 1, 1024);
-  check_range("k", shape.k, 1, most_neighbours);
+  check_range("k", shape.k, 1, most_neighbors);
   if (!std::isfinite(shape.scale)) refuse("scale is " + std::to_string(shape.scale) + ", must be finite");
 }
 

@@ -32,7 +32,7 @@ class EdgeGeometryGradient : public Kernel<T> {
           Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(to->as<T>() + row * width, width) = sum;
       }
     });
-    if (const Slot* to = slots.grad_input(1)) scatter_to_neighbours(args, index, starts.data(), *to);
+    if (const Slot* to = slots.grad_input(1)) scatter_to_neighbors(args, index, starts.data(), *to);
   }
 
  private:

@@ -41,13 +41,13 @@ MemoryPlan plan_memory(const Graph& graph, const std::vector<std::size_t>& sizes
   MemoryPlan plan{std::vector<std::size_t>(graph.tensors.size(), 0), 0};
   std::vector<TensorId> placed;
   for (TensorId id : order) {
-    std::vector<TensorId> neighbours;
+    std::vector<TensorId> neighbors;
     for (TensorId other : placed)
-      if (lives[id].meets(lives[other])) neighbours.push_back(other);
-    std::sort(neighbours.begin(), neighbours.end(),
+      if (lives[id].meets(lives[other])) neighbors.push_back(other);
+    std::sort(neighbors.begin(), neighbors.end(),
               [&](TensorId a, TensorId b) { return plan.offset[a] < plan.offset[b]; });
     std::size_t at = 0;
-    for (TensorId other : neighbours) {
+    for (TensorId other : neighbors) {
       if (at + arena_aligned(sizes[id]) <= plan.offset[other]) break;
       at = std::max(at, plan.offset[other] + arena_aligned(sizes[other]));
     }

@@ -57,17 +57,17 @@ std::string panel(double top, const std::string& title, const std::vector<Line>&
   chart += svg::grid({left, top, width, height}, x, y);
   chart += text_at(left + width / 2, top + height + 32, "step", "middle");
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const std::string colour = svg::colour(i);
+    const std::string color = svg::color(i);
     auto points = thinned(lines[i].points);
     for (auto& [px, py] : points) {
       px = x.at(px);
       py = y.at(py);
     }
-    chart += svg::polyline(points, colour);
+    chart += svg::polyline(points, color);
     if (points.size() <= few)
-      for (const auto& [px, py] : points) chart += svg::circle(px, py, 2.5, colour);
+      for (const auto& [px, py] : points) chart += svg::circle(px, py, 2.5, color);
     const double row = top + 14 + 18 * static_cast<double>(i);
-    chart += svg::rectangle(left + width + 14, row - 8, 14, 4, colour) +
+    chart += svg::rectangle(left + width + 14, row - 8, 14, 4, color) +
              text_at(left + width + 34, row, lines[i].name, "start");
     if (!lines[i].points.empty())
       chart += text_at(left + width + 14 + legend, row, number(lines[i].points.back().second, "%.3g"), "end");

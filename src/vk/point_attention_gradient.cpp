@@ -98,7 +98,7 @@ class PointGradientKernel : public Kernel {
         k_(number(site.in[slots.index].per_row)),
         saved_(site.saved),
         rows_(site.in[slots.grad_output].rows),
-        points_(site.in[slots.neighbours].rows) {
+        points_(site.in[slots.neighbors].rows) {
     if (op.per_cloud && (op.relu || slots.d_centres >= 0 || slots.d_constants >= 0))
       throw Failure(ErrorCode::unsupported,
                     "a layer with coefficients per cloud has no gradient of those alone");
@@ -312,7 +312,7 @@ class PointGradientKernel : public Kernel {
     const std::vector<Range> shared = {features,
                                        rows_of(args.in[slots_.index], rows),
                                        centres,
-                                       args.in[slots_.neighbours].range,
+                                       args.in[slots_.neighbors].range,
                                        op_.per_cloud ? args.in[slots_.coefficients].range : features,
                                        table.tiles};
     const auto with = [&](std::initializer_list<Range> more) {
@@ -376,7 +376,7 @@ KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointA
                              {.features = 0,
                               .index = 1,
                               .centres = 2,
-                              .neighbours = 3,
+                              .neighbors = 3,
                               .coefficients = op.op.per_cloud ? 4 : -1,
                               .grad_output = op.grad_output_at(0),
                               .d_features = op.grad_input_at(0),

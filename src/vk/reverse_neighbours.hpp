@@ -15,9 +15,9 @@ class ReverseNeighbours {
   ReverseNeighbours(const Context& context, int k);
 
   /// Bytes for an index tensor with k neighbours of each of `rows` rows among `neighbours` others.
-  std::size_t bytes(std::size_t rows, std::size_t neighbours) const;
+  std::size_t bytes(std::size_t rows, std::size_t neighbors) const;
   /// The lists in `args.lists`, which it makes if they are to be. `rows`: what the index tensor has a row of.
-  EdgeLists record(const Arguments& args, const Slot& index, graph::Rows rows, graph::Rows neighbours) const;
+  EdgeLists record(const Arguments& args, const Slot& index, graph::Rows rows, graph::Rows neighbors) const;
 
  private:
   const Capabilities& capabilities_;

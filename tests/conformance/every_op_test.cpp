@@ -20,7 +20,7 @@ using test::Case;
 using test::OpTensor;
 
 std::vector<Case> cases() {
-  const ModelConfig normals = test::normals_and_colours(), trained = test::trained_model();
+  const ModelConfig normals = test::normals_and_colors(), trained = test::trained_model();
   return {{"least_points", {}, {{25, 25}}},
           {"one_more", {}, {{26, 25}}},
           {"ragged", {}, {{25, 333}, {1025, 31}, {64, 65}}},

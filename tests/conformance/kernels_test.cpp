@@ -78,7 +78,7 @@ class Cases : public testing::Test {
     const Sizes offsets = offsets_of(sizes);
     const std::vector<T> all = points(offsets.back(), dim, lattice);
     const Index index = value_of(knn<T>(device(), {.k = k, .dim = dim}, {all, offsets}));
-    check_neighbours(index, all, offsets, all, offsets, true, k, dim, step);
+    check_neighbors(index, all, offsets, all, offsets, true, k, dim, step);
     if (step > 1) return;  // many points
     for (const NeighborSearch search : {NeighborSearch::brute_force, NeighborSearch::tree})
       EXPECT_EQ(value_of(knn<T>(device(), {.k = k, .dim = dim, .search = search}, {all, offsets})), index);
@@ -89,11 +89,11 @@ class Cases : public testing::Test {
                          queries = points(query_offsets.back(), dim, lattice);
     const Index index =
         value_of(knn<T>(device(), {.k = k, .dim = dim}, {queries, query_offsets}, {references, offsets}));
-    check_neighbours(index, queries, query_offsets, references, offsets, false, k, dim, 1);
+    check_neighbors(index, queries, query_offsets, references, offsets, false, k, dim, 1);
   }
-  void check_neighbours(const Index& index, const std::vector<T>& queries, const Sizes& query_offsets,
-                        const std::vector<T>& references, const Sizes& offsets, bool without_self, int k,
-                        int dim, std::size_t step) {
+  void check_neighbors(const Index& index, const std::vector<T>& queries, const Sizes& query_offsets,
+                       const std::vector<T>& references, const Sizes& offsets, bool without_self, int k,
+                       int dim, std::size_t step) {
     ASSERT_EQ(index.size(), std::size_t{query_offsets.back()} * k);
     for (std::size_t s = 0; s + 1 < offsets.size(); ++s)
       for (std::size_t row = query_offsets[s]; row < query_offsets[s + 1]; row += step)
@@ -421,8 +421,8 @@ TYPED_TEST(Kernels, KeptKernels) {
     Index index(3 * offsets.back()), found(21 * sizes.size());
     ASSERT_TRUE(search->run({points, offsets}, index));
     ASSERT_TRUE(search->run({queries, query_offsets}, {points, offsets}, found));
-    this->check_neighbours(index, points, offsets, points, offsets, true, 3, 2, 1);
-    this->check_neighbours(found, queries, query_offsets, points, offsets, false, 3, 2, 1);
+    this->check_neighbors(index, points, offsets, points, offsets, true, 3, 2, 1);
+    this->check_neighbors(found, queries, query_offsets, points, offsets, false, 3, 2, 1);
   }
   auto attend = make_attention<T>(this->device(), {.heads = 2, .key_width = 3, .value_width = 5, .k = 4});
   ASSERT_TRUE(attend);

@@ -46,7 +46,7 @@ double root_mean_square(std::span<const double> values) {
 }
 
 std::vector<Case> cases() {
-  ModelConfig normals = test::normals_and_colours(), narrow;
+  ModelConfig normals = test::normals_and_colors(), narrow;
   normals.relu_square = true;
   narrow.num_channels = narrow.feature_num_channels = 3;
   narrow.heads = 3;

@@ -23,7 +23,7 @@ std::vector<Case> cases() {
   square.relu_square = square.return_normals = true;
   return {{"one_more", {}, {{26, 25}}},
           {"ragged", {}, {{25, 333}, {129, 31}, {64, 65}}},
-          {"normals_duplicates", test::normals_and_colours(), {{70, 41}, {26, 100}}, 2},
+          {"normals_duplicates", test::normals_and_colors(), {{70, 41}, {26, 100}}, 2},
           {"square", square, {{90, 130}}, 20},
           {"one_neighbour", test::shallow_model(), {{2, 3}, {9, 2}}},
           // Two runs of two-sided layers.
