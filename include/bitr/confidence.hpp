@@ -31,8 +31,8 @@ struct NetworkEvidence {
 
 struct ResampleOptions {
   int answers = 8;         ///< for parts of the clouds, an even number in 2 … 100
-  double share = 0.9;      ///< of a cloud's points in a part, above 0 and below 1
-  std::uint64_t seed = 0;  ///< of the parts
+  double share = 0.9;      ///< share of a cloud's points in a part, above 0 and below 1
+  std::uint64_t seed = 0;  ///< same seed, same parts
 };
 
 /// Larger parts than this tell no more.

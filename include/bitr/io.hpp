@@ -42,7 +42,7 @@ struct Geometry {
 
 struct ReadOptions {
   std::size_t mesh_points = 2048;  ///< points to sample when the file is a mesh
-  std::uint64_t seed = 0;          ///< of that sampling
+  std::uint64_t seed = 0;          ///< seed of that sampling
 };
 
 /// Parses bytes already in memory; `name` only labels errors. `bad_file` when they are malformed, hold NaN or

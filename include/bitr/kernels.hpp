@@ -52,7 +52,7 @@ class KeptKernel {
 struct KnnShape {
   int k = 24;                                         ///< neighbours of a point, 1 … 64
   int dim = 3;                                        ///< coordinates of a point, 1 … 8
-  NeighborSearch search = NeighborSearch::automatic;  ///< of points among themselves, where dim is 3
+  NeighborSearch search = NeighborSearch::automatic;  ///< for points among themselves, where dim is 3
 };
 
 /// Points in segments that never see each other (clouds of a batch): segment s owns rows
@@ -95,7 +95,7 @@ Result<std::vector<std::uint32_t>> knn(const Device& device, const KnnShape& sha
 
 struct CgProductShape {
   Degree a, b, out;       ///< 0 … 2 each; |a − b| ≤ out ≤ a + b for p and for q
-  int channels = 1;       ///< of a and of the result, 1 … 1024
+  int channels = 1;       ///< in a and in the result, 1 … 1024
   bool shared_b = false;  ///< b has one channel, which meets all of a's; otherwise as many as a
   int k = 0;              ///< 0: row by row; 1 … 64: along the edges from every row to k neighbours
 };
@@ -107,7 +107,7 @@ struct CgProductInput {
   std::span<const std::uint32_t> index = {};  ///< along edges [Q, k], the neighbours: rows of a; else empty
 };
 
-/// Of every channel's features a and b the part of a ⊗ b that turns as degree `out`:
+/// For every channel's features a and b, the part of a ⊗ b that turns as degree `out`:
 ///   out_m = Σ_ij Q[(i, j), m] a_i b_j
 /// with Q the orthonormal columns of the Clebsch–Gordan matrix that belong to D^out (Racah's formula); on
 /// both sides, the product of two such. 1 ⊗ 1 → 0 is −a·b/√3, 1 ⊗ 1 → 1 is a×b/√2. Under all rotations,
@@ -134,7 +134,7 @@ struct AttentionShape {
   int key_width = 1;    ///< D, numbers of a query or key per head, 1 … 1024
   int value_width = 1;  ///< V, numbers of a value per head, 1 … 1024
   int k = 24;           ///< neighbours of a query, 1 … 64
-  double scale = 1;     ///< of the logits, often 1/√D; finite
+  double scale = 1;     ///< factor of the logits, often 1/√D; finite
 };
 
 template <Real T>

@@ -14,11 +14,11 @@ namespace bitr::vk {
 
 /// What the application shares. All handles stay its own and must outlive every plan on the device.
 struct AdoptInfo {
-  PFN_vkGetInstanceProcAddr get_instance_proc_addr = nullptr;  ///< of the loader the instance came from
+  PFN_vkGetInstanceProcAddr get_instance_proc_addr = nullptr;  ///< from the loader the instance came from
   VkInstance instance = VK_NULL_HANDLE;                        ///< made for Vulkan 1.2 or later
   VkPhysicalDevice physical_device = VK_NULL_HANDLE;
   VkDevice device = VK_NULL_HANDLE;
-  VkQueue queue = VK_NULL_HANDLE;  ///< of a family with compute
+  VkQueue queue = VK_NULL_HANDLE;  ///< from a family with compute
   std::uint32_t queue_family = 0;
   /// The one feature that the library needs of the device; the application states that it enabled it.
   bool timeline_semaphore_enabled = false;
