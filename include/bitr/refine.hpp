@@ -37,8 +37,8 @@ struct RefineOptions {
   /// estimated (adaptive), 0.8 (official).
   std::optional<double> keep = {};
   /// For the adaptive protocol: where Refinement::overlap_before is smaller, there is nothing to refine on
-  /// and the start is returned: clouds that only meet would be pulled over one another. The same when less than
-  /// half of the proposal's overlap was nearer than 2τ at the start. 0 … 1; 0: never.
+  /// and the start is returned: clouds that only meet would be pulled over one another. The same when less
+  /// than half of the proposal's overlap was nearer than 2τ at the start. 0 … 1; 0: never.
   double least_overlap = 0.2;
   /// 1 … 100,000, for transport in each stage; empty: the protocol's.
   std::optional<int> most_iterations = {};

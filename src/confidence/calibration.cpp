@@ -12,7 +12,7 @@ namespace {
 // right from wrong on the test split, is in docs/confidence.md; bench/calibrate.py fits them.
 struct Term {
   double weight = 0;
-  double usual = 0;  ///< of right poses
+  double usual = 0;  ///< the value that right poses usually have
 };
 
 struct Calibration {

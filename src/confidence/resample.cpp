@@ -56,7 +56,7 @@ PointCloud ordered(const CloudView& cloud) {
 struct Parted {
   std::size_t pair = 0;
   PointCloud source, reference;
-  std::size_t source_points = 0, reference_points = 0;  ///< of its parts
+  std::size_t source_points = 0, reference_points = 0;  ///< in each of its parts
   confidence::Ensemble ensemble;
 };
 

@@ -21,8 +21,8 @@ struct Fuselage {
   double radius;
   double height = 1;  ///< in units of the width
   double nose, tail;  ///< lengths
-  double droop;       ///< of the nose's tip, in radii
-  double upsweep;     ///< of the tail's end, in radii
+  double droop;       ///< how low the nose's tip is, in radii
+  double upsweep;     ///< how high the tail's end is, in radii
   double tail_radius = 0.12;
 
   double shape(double x) const {

@@ -54,7 +54,7 @@ class Compound : public Shape {
     bool contains(const Eigen::Vector3d& at) const { return box.contains(at) && primitive->contains(at); }
   };
   struct Cell {
-    double weight_up_to;  ///< of all cells so far, in the primitives' units
+    double weight_up_to;  ///< the sum over all cells so far, in the primitives' units
     std::uint16_t member, row, column;
   };
   /// The grid of a primitive, row by row; with it come its box and its cells.

@@ -115,7 +115,7 @@ Primitive::Place Loft::place(double row, double column) const {
 
 std::vector<Vector3d> Loft::corners() const {
   std::vector<Unit> units;
-  double beak = -1;  // of the units
+  double beak = -1;  // the one that `units` were made for
   std::vector<Vector3d> corners;
   corners.reserve(static_cast<std::size_t>(rows() + 1) * (columns() + 1));
   for (int i = 0; i <= rows(); ++i) {

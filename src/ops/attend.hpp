@@ -17,8 +17,8 @@ namespace bitr::ops {
 
 struct Attend {
   int heads = 1;
-  irreps::Fiber value_fiber, key_fiber;    ///< what is used
-  irreps::Fiber values_fiber, keys_fiber;  ///< of the tensors it is used from
+  irreps::Fiber value_fiber, key_fiber;    ///< the channels that are used
+  irreps::Fiber values_fiber, keys_fiber;  ///< the whole rows they are part of
 
   double float_error() const { return 2e-5; }
 };

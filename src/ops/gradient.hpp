@@ -13,14 +13,15 @@
 
 namespace bitr::ops {
 
-/// Gradients jump where an attention layer has a kink, as between the sectors of a radial table, and a number in
-/// float may be on its other side. There an entry differs by up to kink_error; 19 in 20 stay within smooth_error.
+/// Gradients jump where an attention layer has a kink, as between the sectors of a radial table, and a number
+/// in float may be on its other side. There an entry differs by up to kink_error; 19 in 20 stay within
+/// smooth_error.
 constexpr double kink_error = 1e-3, smooth_error = 2e-5;
 
 template <class Operation>
 struct Gradient {
   Operation op;
-  int inputs = 0, outputs = 0;        ///< of the operation
+  int inputs = 0, outputs = 0;        ///< how many the operation has
   std::vector<int> grad_outputs;      ///< outputs whose gradient is an input, ascending
   std::vector<int> needs_input_grad;  ///< inputs whose gradient is made, ascending
   bool constants = false;             ///< the operation has constants

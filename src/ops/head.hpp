@@ -24,7 +24,7 @@ constexpr int piece_count = 21;
 
 struct Head {
   irreps::Fiber fiber;
-  double eps = 1e-6;  ///< of GraphNorm; 0 in scale-exact mode
+  double eps = 1e-6;  ///< GraphNorm's; 0 in scale-exact mode
   Eigen::VectorXd norm_weight, norm_bias, mean_scale;
   Eigen::MatrixXd logit_weight;  ///< 3 × c₀
   Eigen::VectorXd logit_bias;

@@ -14,10 +14,10 @@ namespace bitr::ops {
 
 struct Knn {
   int k = 24;
-  int dilation = 1;          ///< of the nearest k · dilation, every so many, the last included
+  int dilation = 1;          ///< every so many of the nearest k · dilation, the last included
   int dim = 3;               ///< 3, or 6 for pairs of key points
   bool exclude_self = true;  ///< query row i is reference row i and never its own neighbour
-  NeighborSearch search = NeighborSearch::automatic;  ///< of 3-D points among themselves
+  NeighborSearch search = NeighborSearch::automatic;  ///< for 3-D points among themselves
 
   double float_error() const { return 0; }
 };

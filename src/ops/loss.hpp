@@ -30,7 +30,7 @@ namespace bitr::ops {
 enum class LossKind : std::uint8_t { official, direct, robust };
 
 constexpr int truth_width = 20;
-constexpr int pose_numbers = 12;  ///< of the truth
+constexpr int pose_numbers = 12;  ///< the first numbers of the truth: R_gt, t_gt
 /// The other numbers of a shape without symmetry.
 constexpr std::array<double, truth_width - pose_numbers> no_symmetry = {
     0, 0, 1, 0, 0, 0, 2 * std::numbers::pi, 0};

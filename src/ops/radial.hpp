@@ -19,7 +19,7 @@ constexpr double leaky_slope = 0.2;
 
 struct RadialNetwork {
   int scale_degree = 0;
-  double eps = 1e-8;   ///< of both LayerNorms; 0 in scale-exact mode, where no variance gives the bias
+  double eps = 1e-8;   ///< both LayerNorms'; 0 in scale-exact mode, where no variance gives the bias
   Eigen::MatrixXd w1;  ///< 32 × e
   Eigen::VectorXd gain1, bias1;
   Eigen::MatrixXd w2;  ///< 32 × 32

@@ -49,7 +49,7 @@ Canvas::Canvas(int width, int height)
 // A ball's silhouette and relief, made once for all points of a cloud.
 struct Canvas::Stamp {
   struct Dot {
-    std::ptrdiff_t offset = 0;  ///< of the sample, from the centre's
+    std::ptrdiff_t offset = 0;  ///< from the centre's sample to this one
     float depth = 0;            ///< pixels towards the viewer, 0 at the rim
     float light = 0;            ///< added to the point's own
   };

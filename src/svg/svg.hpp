@@ -42,7 +42,7 @@ class Axis {
       : logarithmic_(logarithmic), low_(low), high_(high), from_(from), to_(to) {}
 
   bool logarithmic_;
-  double low_, high_;  ///< of the logarithms where it is logarithmic
+  double low_, high_;  ///< logarithms where the axis is logarithmic
   double from_, to_;
 };
 
