@@ -17,7 +17,7 @@ class EdgeGeometryGradient : public Kernel<T> {
     const GradientSlots<ops::EdgeGeometry> slots{op_, args};
     const Slot& index = slots.in(2);
     const std::size_t k = index.per_row, width = 3 * op_.op.sides;
-    // Of each edge's start: minus that of its difference.
+    // The gradient with respect to each edge's start: minus that of its difference.
     std::vector<T> starts(args.rows(index) * k * width);
     args.pool.parallel_for(args.rows(index), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t row = begin; row < end; ++row) {

@@ -61,8 +61,8 @@ void add_torque(const Fiber& fiber, int side, const Edges* a, const Edges* b, Ed
 
 template <class T>
 struct RowGradients {
-  T* features = nullptr;   // of all rows; nullptr: not wanted
-  T* positions = nullptr;  // of all rows; nullptr: not wanted
+  T* features = nullptr;   // all rows'; nullptr: not wanted
+  T* positions = nullptr;  // all rows'; nullptr: not wanted
   T* constants;            // ConstantPlaces::count
 };
 
