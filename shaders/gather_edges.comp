@@ -19,7 +19,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint QUADS = 4;   // vec4s of a row
-layout(constant_id = 2) const uint RECORD = 64; // of a record
+layout(constant_id = 2) const uint RECORD = 64; // vec4s of a record
 layout(constant_id = 3) const uint OWN = 0;     // where the row's own part begins in it
 layout(constant_id = 4) const uint FLAGS = 3;
 layout(constant_id = 5) const uint EDGE = 4;     // vec4s of an edge

@@ -19,10 +19,10 @@ layout(constant_id = 2) const uint HEADS = 1;
 layout(constant_id = 3) const uint KEY_WIDTH = 4;
 layout(constant_id = 4) const uint VALUE_WIDTH = 4;
 
-const uint LANES = 8;    // of a query
-const uint QUERIES = 8;  // of a work group
+const uint LANES = 8;    // for a query
+const uint QUERIES = 8;  // in a work group
 const uint EDGES = (K + LANES - 1) / LANES;
-// Of a row: vec4s, and numbers in the last of them.
+// A row's vec4s, and the numbers in the last of them.
 const uint D4 = (KEY_WIDTH + 3) / 4, D_REST = KEY_WIDTH - 4 * (D4 - 1);
 const uint V4 = (VALUE_WIDTH + 3) / 4, V_REST = VALUE_WIDTH - 4 * (V4 - 1);
 

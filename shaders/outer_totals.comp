@@ -11,7 +11,7 @@
 #include "common/parameters.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint NUMBERS = 4;  // of a row, padded
+layout(constant_id = 1) const uint NUMBERS = 4;  // in a row, padded
 layout(constant_id = 2) const bool SEGMENTED = false;
 const uint NONE = 0xffffffffu;
 

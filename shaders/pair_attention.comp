@@ -45,7 +45,7 @@ const int RESULT_COUNT = RESULT3 + 9 * OUT3, RESULT_STRIDE = (RESULT_COUNT + 3) 
 #define RESULT(d) PICK(d, 0, RESULT1, RESULT2, RESULT3)
 #define DEGREE(i, second, third, fourth) ((i) < (second) ? 0 : (i) < (third) ? 1 : (i) < (fourth) ? 2 : 3)
 
-// Of the matrices in weights[].
+// Where the matrices begin in weights[].
 const int QUERY1 = KEYS0 * IN0, QUERY2 = QUERY1 + KEYS1 * IN1, QUERY3 = QUERY2 + KEYS2 * IN2;
 const int PROJECT0 = QUERY3 + KEYS3 * IN3, PROJECT1 = PROJECT0 + OUT0 * VALUES0;
 const int PROJECT2 = PROJECT1 + OUT1 * VALUES1, PROJECT3 = PROJECT2 + OUT2 * VALUES2;

@@ -65,7 +65,7 @@ vec3 message_torque(uint at, uint step) {
                vec3(d_messages[at], d_messages[at + step], d_messages[at + 2u * step]));
 }
 
-// Of the vector of a side, from its torque and its length's gradient.
+// The gradient with respect to a side's vector, from its torque and its length's gradient.
 vec3 move(Side side, vec3 torque, vec3 turned_torque, float d_norm) {
   const vec3 t = turn_into(torque, side.axes[0], side.axes[1], side.axes[2]) - turned_torque;
   const bool positive = side.norm > 0.0;

@@ -129,7 +129,7 @@ void add_columns(const int t, uint shift, uint step) {
   first_sector(first);
   do {
     const float here = first == sector ? 1.0 : 0.0;
-    int pair = 0;  // of columns
+    int pair = 0;  // the pair of columns
     do {
       const vec2 factor = here * (pair == 0 ? x[t].xy : x[t].zw);
       vec2 product = vec2(0);

@@ -89,7 +89,7 @@ void load_record(uint at) {
   }
 }
 
-// Of an edge's paths and, on the way, of the queries.
+// The gradient with respect to an edge's paths and, on the way, to the queries.
 void differentiate_attention() {
   [[unroll]] for (int i = 0; i < N0; ++i) d_phi0[i] = 0.0;
   [[unroll]] for (int i = 0; i < N1; ++i) d_phi1[i] = vec3(0);
@@ -142,7 +142,7 @@ void differentiate_attention() {
   }
 }
 
-// Of the neighbour's feature; returns that of the direction.
+// The gradient with respect to the neighbour's feature; returns that with respect to the direction.
 vec3 differentiate_paths(Edge edge) {
   const vec3 v = edge.direction;
   vec3 d_direction = vec3(0);
@@ -179,7 +179,7 @@ vec3 differentiate_paths(Edge edge) {
 #define FEATURE_PART(i) \
   vec4(FEATURE_ENTRY(4 * (i)), FEATURE_ENTRY(4 * (i) + 1), FEATURE_ENTRY(4 * (i) + 2), FEATURE_ENTRY(4 * (i) + 3))
 
-// Of the row's own feature, through the queries and S.
+// The gradient with respect to the row's own feature, through the queries and S.
 void differentiate_own() {
   WEIGHTS0(m0, M0, HEADS * N0 * Z0)
   [[unroll]] for (int c = 0; c < C0; ++c) {

@@ -25,7 +25,7 @@ bool finite(vec4 x) {
 
 float largest(vec3 x) { return max(max(abs(x.x), abs(x.y)), abs(x.z)); }
 
-// Of any length but zero, which stays.
+// The unit vector along x, of whatever length; zero stays.
 vec3 direction(vec3 x) {
   const float size = largest(x);
   const vec3 scaled = x / (size > 0.0 ? size : 1.0);
