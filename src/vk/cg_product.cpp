@@ -57,7 +57,7 @@ class CgProductKernel : public Kernel {
 
  private:
   const ops::CgProduct op_;
-  std::size_t terms_ = 0;  // of the component that has most
+  std::size_t terms_ = 0;  // how many the component with most of them has
   const Pipeline* pipeline_ = nullptr;
   const Capabilities& capabilities_;
 };

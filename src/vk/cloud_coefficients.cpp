@@ -43,7 +43,7 @@ class CloudCoefficientsKernel : public Kernel {
   }
 
  private:
-  // Of all loops of an invocation.
+  // Iterations of all loops of an invocation.
   static std::size_t iterations(int extra, int c1, int rows, const ops::PointAttention& layer) {
     const auto rounds = [](int count) { return (count + work_group - 1) / work_group; };
     const int from = layer.c0 + 1;

@@ -94,7 +94,7 @@ class CloudCoefficientsGradient : public Kernel {
   }
 
  private:
-  // Of all loops of an invocation of the first shader.
+  // The first shader's cost; throws where its loops or its shared numbers would be too many.
   void require() {
     const ops::PointAttention& layer = op_.op.layer;
     const auto rounds = [](int count) { return (count + int{work_group} - 1) / int{work_group}; };

@@ -14,9 +14,9 @@ constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, atten
                                   sizeof(PairParameters), 24};
 
 constexpr std::uint32_t work_group = 32;
-// Messages between the dispatches; a larger batch goes in several runs.
+// Bytes of messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
-// Of messages for the gradient, which makes them again where there are more.
+// Bytes of messages saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
 
 class PairAttentionKernel : public Kernel {

@@ -324,7 +324,7 @@ class PairGradientKernel : public Kernel {
 
   std::uint32_t edge_numbers() const { return padded(op_.fiber_in.size()) + 8; }
 
-  // Of all that an edge needs.
+  // Bytes of all that an edge needs.
   std::size_t edge_bytes() const {
     return sizeof(float) *
            (std::size_t{2} * messages_.stride() + 5 + 64 * messages_.in_vectors() + fiber_.size() +
@@ -455,8 +455,8 @@ class PairGradientKernel : public Kernel {
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                      // vec4s
   std::uint32_t coefficient_vectors_ = 0, feature_vectors_ = 0;  // vec4s of an edge
-  std::uint32_t sectors_ = 0, sector_groups_ = 0;  // of a table, at most: the shaders' limit; what there is
-  std::uint32_t sum_lanes_, sum_units_ = 0;        // of a work group; work groups of a sector, of all tables
+  std::uint32_t sectors_ = 0, sector_groups_ = 0;  // a table's sectors at most; as a power of two first
+  std::uint32_t sum_lanes_, sum_units_ = 0;        // lanes of a work group; a sector's work groups in all
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;
   ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;

@@ -145,7 +145,7 @@ class PointGradientKernel : public Kernel {
 
  private:
   struct Part {
-    VkDeviceSize offset, bytes;  // of the constants
+    VkDeviceSize offset, bytes;  // where it is in the constants
     Range of(const Arguments& args) const { return args.constants.sub(offset, bytes); }
   };
   // Whole clouds whose records and edges fit into one binding.

@@ -38,8 +38,8 @@ class EdgeGather {
   /// What of a kernel's memory a run of tiles meets.
   struct Run {
     std::uint32_t first_tile, tiles;
-    std::uint32_t first_row;   ///< of `record`
-    std::uint32_t first_edge;  ///< of `edges`
+    std::uint32_t first_row;   ///< where `record` begins
+    std::uint32_t first_edge;  ///< where `edges` begins
   };
   EdgeGather(const Context& context, const Shape& shape);
 

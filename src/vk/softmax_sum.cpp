@@ -21,7 +21,7 @@ constexpr std::size_t partial_bytes = 8 * sizeof(float);
 struct WeightedSum {
   const Pipeline *chunks, *combine;
   std::uint32_t items;  ///< channels × vec4s of columns
-  std::uint32_t parts;  ///< of a chunk
+  std::uint32_t parts;  ///< in so many a chunk is summed
 };
 
 class SoftmaxSumKernel : public Kernel {
@@ -86,7 +86,7 @@ class SoftmaxSumKernel : public Kernel {
   }
 
   const Capabilities& capabilities_;
-  const std::size_t logit_bytes_;  // of a row
+  const std::size_t logit_bytes_;  // bytes of a row
   std::vector<WeightedSum> sums_;
 };
 

@@ -18,7 +18,7 @@ constexpr Shader shader{"softmax_sum_gradient", spirv::softmax_sum_gradient, bin
                         7};
 
 constexpr std::uint32_t work_group = 128;
-constexpr int most_channels = 1024, most_columns = 256;  // of the shader
+constexpr int most_channels = 1024, most_columns = 256;  // the shader's limits
 
 // FLAGS of the shader.
 constexpr std::uint32_t logits = 1, more = 2, values = 4, grad_output = 8;
@@ -78,7 +78,7 @@ class SoftmaxSumGradient : public Kernel {
  private:
   const ops::Gradient<ops::SoftmaxSum> op_;
   const Capabilities& capabilities_;
-  const std::uint32_t stride_;  // of the logits
+  const std::uint32_t stride_;  // numbers of a row of logits
   const Pipeline* normaliser_ = nullptr;
   std::vector<int> columns_;
   std::vector<const Pipeline*> pipelines_;  // per values tensor; null: nothing to do
