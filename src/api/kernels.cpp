@@ -111,7 +111,7 @@ struct Kept : KeptKernel::Impl {
   }
 };
 
-// Of a kept kernel.
+// Runs a kept kernel; what it throws becomes the result.
 template <class T, class Shape, class Body>
 Result<void> run_kept(KeptKernel::Impl& impl, Body body) {
   return guarded([&]() -> Result<void> {
@@ -138,7 +138,7 @@ void check(const KnnShape& shape) {
   check_range("dim", shape.dim, 1, 8);
 }
 
-// Of points among themselves, and of queries among references.
+// Two graphs: points among themselves, and queries among references.
 std::vector<graph::Graph> graphs_of(const KnnShape& shape) {
   graph::Graph own, asked;
   const auto points = add(own, "points", Rows::point, 1, shape.dim);
