@@ -74,7 +74,7 @@ std::string table(const EvalReport& report) {
 /// Bars of equal width from 0 on; the last one takes what lies beyond.
 struct Histogram {
   std::string what, unit;
-  double width;  ///< of a bar
+  double width;  ///< a bar's
   int bars;
 };
 
@@ -161,7 +161,7 @@ std::string legend_entry(std::size_t method, const std::string& name, double lef
   return svg::rectangle(left, at - 8, 14, 8, svg::color(method)) + text_at(left + 21, at, name, "start");
 }
 
-/// Of settings with one number of points; empty where neither overlap nor share differ.
+/// For settings with one number of points; empty where neither overlap nor share differ.
 std::string errors_over_overlap(const std::vector<const EvalSetting*>& settings) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   const auto range = [&](const Across& across) {
