@@ -36,7 +36,7 @@ std::vector<ops::PairAttention> layers(const ModelConfig& config, Mode mode) {
 struct Nodes {
   graph::BatchLayout layout;
   int k;
-  std::vector<double> positions;  // of both sides, 6 a node
+  std::vector<double> positions;  // both sides', 6 a node
   Random random{7};
 
   Nodes(const ModelConfig& config, std::uint32_t pairs = 1)

@@ -297,7 +297,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
   model::Weights weights_;
   std::optional<test::CloudBatch> batch_;
   graph::BatchLayout layout_;
-  std::vector<OpTensor> tensors_;  // of the forward pass
+  std::vector<OpTensor> tensors_;  // what the forward pass made
   ThreadPool one_{1}, pool_{2}, three_{3};
 };
 
