@@ -4,6 +4,7 @@
 
 #include "softmax_sum_combine.spv.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -82,7 +83,7 @@ class SoftmaxSumKernel : public Kernel {
   std::size_t partials_bytes(const WeightedSum& sum, const graph::BatchLayout& layout) const {
     const std::size_t chunks = layout.rows(graph::Rows::point) / chunk_rows + layout.clouds();
     const std::size_t bytes = chunks * sum.parts * sum.items * partial_bytes;
-    return (bytes + capabilities_.alignment - 1) / capabilities_.alignment * capabilities_.alignment;
+    return aligned(bytes, capabilities_.alignment);
   }
 
   const Capabilities& capabilities_;
