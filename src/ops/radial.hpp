@@ -4,6 +4,7 @@
 // in  lengths T[E, e]
 // out coefficients T[E, n]      n = c_out · c_in · freq, freq fastest
 // error that of the operation that evaluates it
+// source eq. 74 of the paper: how two-sided networks are tied
 #pragma once
 
 #include <Eigen/Core>
