@@ -14,7 +14,7 @@
 namespace bitr::bench {
 
 struct Size {
-  std::uint32_t points;  ///< of each cloud
+  std::uint32_t points;  ///< in each cloud
   std::uint32_t pairs;
   std::string str() const { return std::to_string(points) + "x" + std::to_string(pairs); }
 };

@@ -79,7 +79,7 @@ Load repeated(const vk::Context& context, double amount, auto add_dispatch) {
 
 Load multiply_add(const vk::Context& context) {
   constexpr std::uint32_t groups = 4096;
-  constexpr double rounds = 2048, chains = 12;  // of shaders/fma.comp
+  constexpr double rounds = 2048, chains = 12;  // as in shaders/fma.comp
   const auto result = std::make_shared<vk::Buffer>(context, groups * group * sizeof(float), false);
   const vk::Pipeline& pipeline = context.pipeline(fma_shader, std::array{group});
   Load load = repeated(context, 2 * rounds * chains * groups * group, [&](vk::Schedule& schedule) {

@@ -29,7 +29,7 @@ struct Job {
 struct OpBench {
   const char* name;
   std::size_t op;                           ///< index in ops::Op
-  std::function<double(const Job&)> flops;  ///< of one pass
+  std::function<double(const Job&)> flops;  ///< operations of one pass
   std::vector<Size> sizes = {{1024, 1}, {1024, 16}};
   ModelConfig config = {};
   /// Whether to time a node at a size; all of them unless given.

@@ -32,7 +32,7 @@ def real_time_priority():
 
 
 def commit():
-    """Of the sources here, which the build is taken to be of; "-dirty" if they are changed."""
+    """The commit of the sources here, which the build is taken to be of; "-dirty" if they are changed."""
     command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
     done = subprocess.run(command, cwd=RESULTS, capture_output=True, text=True)
     return done.stdout.strip() or "unknown"

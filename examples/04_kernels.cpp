@@ -17,7 +17,7 @@ T must(bitr::Result<T> result) {
   std::exit(1);
 }
 
-// Of point 0: its nearest neighbours, the moment of their directions, and what it attends to.
+// What point 0 sees: its nearest neighbours, the moment of their directions, and what it attends to.
 std::vector<float> look_around(const bitr::Device& device) {
   constexpr std::uint32_t n = 400;
   constexpr int k = 8;

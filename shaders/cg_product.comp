@@ -7,7 +7,7 @@
 // out 4 result f32[Q,E,R]           CHANNELS × DIM_OUT, padded to R
 // spec 0 WORKGROUP=64  1 K≤64  2 CHANNELS  3 SHARED  4 DIM_A≤25  5 DIM_B≤25  6 DIM_OUT≤25  7 TERMS≤36 |
 // grid ceil(Q·E·R / WORKGROUP), by x and y | shared 0 KiB
-// loops ≤ TERMS ≤ 36 | error: 1e-6 of the largest sum of absolute terms | fp32
+// loops ≤ TERMS ≤ 36 | error: see src/ops/cg_product.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -10,7 +10,7 @@
 // out 3 coefficients f32[S,N4]    M₀, O₀, S₀, Mᶻ₀, Oᶻ₀ of src/ops/point_attention.hpp; padded to N4
 // spec 0 WORKGROUP=128  1 C0  2 C1  3 GLOBALS  4 OUT  5 HEADS | grid clouds | shared 16 KiB
 // loops as src/vk/cloud_coefficients.cpp counts them and sees to it, ≤ 65534 < 65535
-// | error: 1e-6 of the largest entry | fp32
+// | error: see src/ops/cloud_coefficients.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -7,7 +7,7 @@
 // in  2 d_coefficients f32[S,N4]
 // out 3 d_constants    f32[C]
 // spec 0 WORKGROUP=32  1 C0  2 C1  3 GLOBALS  4 OUT  5 HEADS | grid ceil(C / WORKGROUP) | shared 0 KiB
-// loops 4·S, S ≤ 16383: ≤ 65532 < 65535 | error: 1e-6 of the largest entry | fp32
+// loops 4·S, S ≤ 16383: ≤ 65532 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -8,7 +8,7 @@
 // out 5 d_numbers      f32[S,E]
 // spec 0 WORKGROUP=128  1 C0  2 C1  3 GLOBALS  4 OUT  5 HEADS | grid clouds | shared 16 KiB
 // loops as src/vk/cloud_coefficients_gradient.cpp counts them and sees to it, ≤ 65534 < 65535
-// | error: 1e-5 of the largest entry | fp32
+// | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

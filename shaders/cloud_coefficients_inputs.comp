@@ -5,7 +5,7 @@
 // out 1 d_means   f32[S,M4]  C0 scalars, C1 vectors; padded to M4; if FLAGS & 1
 // out 2 d_globals f32[S,G4]  GLOBALS scalars; padded to G4; if FLAGS & 2
 // spec 0 WORKGROUP=32  1 C0  2 C1  3 GLOBALS  4 FLAGS≤3 | grid clouds | shared 0 KiB
-// loops ≤ (M4 + G4)/WORKGROUP ≤ 4096 < 65535 | error: one rounding | fp32
+// loops ≤ (M4 + G4)/WORKGROUP ≤ 4096 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -10,7 +10,7 @@
 // out 6 result f32[P,F]
 // spec 0 WORKGROUP=32  1 QUADS  2 RECORD  3 OWN  4 FLAGS  5 EDGE  6 AT  7 K≤64  8 PART
 // grid (tiles, ceil(QUADS / PART)) | shared 0 KiB
-// loops ≤ K + edges from a row < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ K + edges from a row < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -19,7 +19,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint QUADS = 4;   // vec4s of a row
-layout(constant_id = 2) const uint RECORD = 64; // of a record
+layout(constant_id = 2) const uint RECORD = 64; // vec4s of a record
 layout(constant_id = 3) const uint OWN = 0;     // where the row's own part begins in it
 layout(constant_id = 4) const uint FLAGS = 3;
 layout(constant_id = 5) const uint EDGE = 4;     // vec4s of an edge

@@ -10,7 +10,7 @@
 // out 5 weights   f32[B·K,4]     3
 // out 6 pieces    f32[B,24]      21
 // spec 0 WORKGROUP=128  1 SCALARS≤256  2 VECTORS≤64  3 MATRICES≤64 | grid pairs | shared 16 KiB
-// loops for K ≤ 1024: ≤ 22700 < 65535 | error: 2e-5 of the largest entry | fp32
+// loops for K ≤ 1024: ≤ 22700 < 65535 | error: see src/ops/head.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

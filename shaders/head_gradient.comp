@@ -10,7 +10,7 @@
 // out 7 d_constants f32[B,D]    of each pair: GraphNorm's weight[SCALARS], bias[SCALARS], mean scale[SCALARS]; logits'
 //                               weight[SCALARS,3], bias[3]; mix of vectors[VECTORS], of matrices[MATRICES]; padded to D
 // spec 0 WORKGROUP=128  1 SCALARS≤256  2 VECTORS≤64  3 MATRICES≤64  4 POSITIONS  5 FEATURES | grid pairs | shared 16 KiB
-// loops for K ≤ 1024: ≤ 54000 < 65535 | error: 1e-5 of the largest entry | fp32
+// loops for K ≤ 1024: ≤ 54000 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
@@ -36,7 +36,7 @@ const uint MATRIX_MIX = VECTOR_MIX + VECTORS;
 const uint EPS = MATRIX_MIX + MATRICES;
 const uint D = (EPS + 3) / 4 * 4;
 
-// Of the features.
+// Where degrees begin in a row of features.
 const uint SECOND = SCALARS, FIRST = SCALARS + 3 * VECTORS, BOTH = SCALARS + 6 * VECTORS;
 
 layout(set = 0, binding = 0) readonly buffer Positions { float positions[]; };
@@ -49,7 +49,7 @@ layout(set = 0, binding = 6) writeonly buffer FeatureGradient { float d_features
 layout(set = 0, binding = 7) writeonly buffer ConstantGradient { float d_constants[]; };
 layout(push_constant) uniform Push { HeadParameters p; };
 
-// Of 3 softmaxes over the key points: their gradients, later their logits'; from SUMS on GraphNorm's numbers of every
+// Gradients of 3 softmaxes over the key points, later of their logits; from SUMS on GraphNorm's numbers of every
 // channel.
 shared float numbers[4064];
 shared float piece[21];
@@ -127,7 +127,7 @@ void main() {
     const float scale = numbers[sums + SCALE + c], weight = constants[NORM_WEIGHT + c];
     const vec3 from = vec3(constants[LOGIT_WEIGHT + c], constants[LOGIT_WEIGHT + SCALARS + c],
                            constants[LOGIT_WEIGHT + 2 * SCALARS + c]);
-    // Of the normed x, and its product with it before gain and bias.
+    // The gradient of the normed x summed over key points, and its product with x before gain and bias.
     float total = 0.0, along = 0.0, normed = 0.0;
     vec3 by_logit = vec3(0);
     for (uint k = 0; k < keys; ++k) {
@@ -138,7 +138,7 @@ void main() {
       normed += x;
       by_logit += logits * (x * weight + constants[NORM_BIAS + c]);
     }
-    // Of all x − the mean's part: the sum over key points.
+    // The gradient of x less the mean's part, summed over key points.
     const float all = weight * scale * (total - along * share * normed);
     const float rest = constants[MEAN_REST + c];
     d_constants[to + NORM_WEIGHT + c] = along;

@@ -7,7 +7,7 @@
 // out 4 features f32[P,F4]     COLORS ? 3 : 1 scalars, with OFFSETS a length and, with NORMALS as well, a product;
 //                              then the vectors there are (y, z, x); padded to F4
 // spec 0 WORKGROUP=32  1 COLORS  2 NORMALS  3 OFFSETS | grid tiles | shared 0 KiB
-// loops none | error: of the length and the product 3e-7, else none | fp32
+// loops none | error: see src/ops/input_features.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

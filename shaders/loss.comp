@@ -5,7 +5,7 @@
 // in  2 keys     f32[2B·K,4] xyz; sources', then references'
 // out 3 terms    f32[B,4]    rotation, translation, spread, 0
 // spec 0 WORKGROUP=128  1 KIND=1 | grid pairs | shared 0.5 KiB
-// loops 2·K·⌈K/WORKGROUP⌉ + 7; for K ≤ 1024 ≤ 16391 < 65535 | error: 1e-5 of the largest term | fp32
+// loops 2·K·⌈K/WORKGROUP⌉ + 7; for K ≤ 1024 ≤ 16391 < 65535 | error: see src/ops/loss.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/loss.glsl"

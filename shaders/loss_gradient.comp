@@ -6,7 +6,7 @@
 // out 3 d_estimate f32[B,E]    if ESTIMATE
 // out 4 d_keys     f32[2B·K,4] if KEYS
 // spec 0 WORKGROUP=32  1 KIND=1  2 ESTIMATE  3 KEYS | grid clouds | shared 0 KiB
-// loops K·⌈K/WORKGROUP⌉ + ⌈K/WORKGROUP⌉; for K ≤ 1024 ≤ 32800 < 65535 | error: 1e-5 of the largest entry | fp32
+// loops K·⌈K/WORKGROUP⌉ + ⌈K/WORKGROUP⌉; for K ≤ 1024 ≤ 32800 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/loss.glsl"

@@ -8,7 +8,7 @@
 // con 4 weights   f32[WEIGHTS,4] base[OUT0]; plane[OUT1,OUT1]; per head: logit, logit at zero, scalars[OUT0],
 //                           scalars at zero[OUT0], slopes[OUT1]
 // spec 0 WORKGROUP=32  1 K≤64  2 OUT0  3 OUT1  4 HEADS  5 RELU  6 WEIGHTS  7 RELU_SQUARE | grid tiles | shared 0 KiB
-// loops ≤ K ≤ 64 < 65535 | error: 2e-5 of the largest output entry | fp32
+// loops ≤ K ≤ 64 < 65535 | error: see src/ops/mean_direction.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -5,7 +5,7 @@
 // out 2 node        f32[B·K,8]   xyz of both
 // out 3 merged      f32[B·K,16·CHANNELS]
 // spec 0 WORKGROUP=32  1 CHANNELS | grid ceil(B·K·16·CHANNELS / WORKGROUP), in parts | shared 0 KiB
-// loops none | error: one rounding | fp32
+// loops none | error: see src/ops/merge_pairs.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -8,7 +8,7 @@
 // out 4 d_features  f32[2B·K,W4]  if FEATURES
 // spec 0 WORKGROUP=32  1 CHANNELS  2 GIVEN_POSITIONS  3 GIVEN_FEATURES  4 POSITIONS  5 FEATURES
 // grid ceil(2B·K·(W + 4) / WORKGROUP), in parts | shared 0 KiB
-// loops ≤ 3 < 65535 | error: four roundings | fp32
+// loops ≤ 3 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -7,7 +7,7 @@
 // out 4 result  f32[Q,HEADS,V4]
 // spec 0 WORKGROUP=64  1 K≤64  2 HEADS  3 KEY_WIDTH≤1024  4 VALUE_WIDTH≤1024 |
 // grid ceil(Q / 8), HEADS | shared 4.25 KiB
-// loops ≤ D4/4 + V4/32 · K ≤ 2304 | error: 1e-5 of the largest value | fp32
+// loops ≤ D4/4 + V4/32 · K ≤ 2304 | error: see src/ops/neighbour_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -19,10 +19,10 @@ layout(constant_id = 2) const uint HEADS = 1;
 layout(constant_id = 3) const uint KEY_WIDTH = 4;
 layout(constant_id = 4) const uint VALUE_WIDTH = 4;
 
-const uint LANES = 8;    // of a query
-const uint QUERIES = 8;  // of a work group
+const uint LANES = 8;    // for a query
+const uint QUERIES = 8;  // in a work group
 const uint EDGES = (K + LANES - 1) / LANES;
-// Of a row: vec4s, and numbers in the last of them.
+// A row's vec4s, and the numbers in the last of them.
 const uint D4 = (KEY_WIDTH + 3) / 4, D_REST = KEY_WIDTH - 4 * (D4 - 1);
 const uint V4 = (VALUE_WIDTH + 3) / 4, V_REST = VALUE_WIDTH - 4 * (V4 - 1);
 

@@ -6,7 +6,7 @@
 //                            next, left in the low half; components, and IF_FLAGGED
 // out 3 partials f32[tiles,jobs,16] rows are the left vector's
 // spec 0 WORKGROUP=32  1 RECORD  2 FLAG | grid (tiles, ceil(jobs / WORKGROUP)) | shared 0 KiB
-// loops ≤ 32 + 33·9 < 65535 | error: 1e-5 of the largest entry | fp32
+// loops ≤ 32 + 33·9 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

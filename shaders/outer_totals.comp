@@ -5,13 +5,13 @@
 // in  2 places   u32[NUMBERS] of each number within a tile's partial sums, or NONE
 // out 3 result   f32[S,R]    NUMBERS of each row, or of one row from `begin` on
 // spec 0 WORKGROUP=32  1 NUMBERS  2 SEGMENTED | grid (ceil(NUMBERS / WORKGROUP), segments) | shared 0 KiB
-// loops ≤ tiles + 40 < 65535, as src/vk/outer_sums.cpp sees to | error: 1e-5 of the largest entry | fp32
+// loops ≤ tiles + 40 < 65535, as src/vk/outer_sums.cpp sees to | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint NUMBERS = 4;  // of a row, padded
+layout(constant_id = 1) const uint NUMBERS = 4;  // in a row, padded
 layout(constant_id = 2) const bool SEGMENTED = false;
 const uint NONE = 0xffffffffu;
 

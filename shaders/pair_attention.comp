@@ -8,7 +8,7 @@
 //      22 RELU  23 RELU_SQUARE
 // grid N | shared 4·(K·HEADS + HEADS + numbers of keys and values + 2·R) bytes ≤ 16 KiB
 // loops ≤ 2·K·HEADS + (K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + OUT + 10)) / WORKGROUP < 65535
-// error: with pair_messages 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"
@@ -45,7 +45,7 @@ const int RESULT_COUNT = RESULT3 + 9 * OUT3, RESULT_STRIDE = (RESULT_COUNT + 3) 
 #define RESULT(d) PICK(d, 0, RESULT1, RESULT2, RESULT3)
 #define DEGREE(i, second, third, fourth) ((i) < (second) ? 0 : (i) < (third) ? 1 : (i) < (fourth) ? 2 : 3)
 
-// Of the matrices in weights[].
+// Where the matrices begin in weights[].
 const int QUERY1 = KEYS0 * IN0, QUERY2 = QUERY1 + KEYS1 * IN1, QUERY3 = QUERY2 + KEYS2 * IN2;
 const int PROJECT0 = QUERY3 + KEYS3 * IN3, PROJECT1 = PROJECT0 + OUT0 * VALUES0;
 const int PROJECT2 = PROJECT1 + OUT1 * VALUES1, PROJECT3 = PROJECT2 + OUT2 * VALUES2;

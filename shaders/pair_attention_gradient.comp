@@ -10,7 +10,7 @@
 //      22 RELU  23 RELU_SQUARE
 // grid N | shared 4·(2·K·HEADS + HEADS + numbers of keys + 2·values + 5·R) bytes ≤ 16 KiB
 // loops ≤ 4·K·HEADS + (2·K·(HEADS·keys + values) + keys·IN + R·(VALUES + IN + 2·OUT + 20)) / WORKGROUP < 65535
-// error: with the rest 1e-4 of the largest entry | fp32
+// error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"
@@ -51,7 +51,7 @@ const int FEATURE_COUNT = FEATURE3 + 9 * IN3;
 #define RESULT(d) PICK(d, 0, RESULT1, RESULT2, RESULT3)
 #define DEGREE(i, second, third, fourth) ((i) < (second) ? 0 : (i) < (third) ? 1 : (i) < (fourth) ? 2 : 3)
 
-// Of the matrices in weights[].
+// Where the matrices begin in weights[].
 const int QUERY1 = KEYS0 * IN0, QUERY2 = QUERY1 + KEYS1 * IN1, QUERY3 = QUERY2 + KEYS2 * IN2;
 const int PROJECT0 = QUERY3 + KEYS3 * IN3, PROJECT1 = PROJECT0 + OUT0 * VALUES0;
 const int PROJECT2 = PROJECT1 + OUT1 * VALUES1, PROJECT3 = PROJECT2 + OUT2 * VALUES2;
@@ -59,7 +59,7 @@ const int SELF0 = PROJECT3 + OUT3 * VALUES3, SELF1 = SELF0 + (SELF ? OUT0 * IN0 
 const int SELF2 = SELF1 + (SELF ? OUT1 * IN1 : 0), SELF3 = SELF2 + (SELF ? OUT2 * IN2 : 0);
 const int PLANE1 = SELF3 + (SELF ? OUT3 * IN3 : 0), PLANE2 = PLANE1 + OUT1 * OUT1, PLANE3 = PLANE2 + OUT2 * OUT2;
 
-// Of a node's record: a list of numbers by degree, component and channel.
+// A list of a node's record: numbers by degree, component and channel.
 #define LIST1(a) PADDED(a)
 #define LIST2(a, b) (LIST1(a) + 3 * PADDED(b))
 #define LIST3(a, b, c) (LIST2(a, b) + 3 * PADDED(c))

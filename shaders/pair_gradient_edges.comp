@@ -12,7 +12,7 @@
 // out 8 edges      f32[N·K,F+8]    gradients of the feature and of centre − neighbour, both sides
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH
 // grid ceil(N·K / WORKGROUP) | shared 0 KiB
-// loops ≤ IN4 + TABLES + VALUES + KEYS < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ IN4 + TABLES + VALUES + KEYS < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -65,7 +65,7 @@ vec3 message_torque(uint at, uint step) {
                vec3(d_messages[at], d_messages[at + step], d_messages[at + 2u * step]));
 }
 
-// Of the vector of a side, from its torque and its length's gradient.
+// The gradient with respect to a side's vector, from its torque and its length's gradient.
 vec3 move(Side side, vec3 torque, vec3 turned_torque, float d_norm) {
   const vec3 t = turn_into(torque, side.axes[0], side.axes[1], side.axes[2]) - turned_torque;
   const bool positive = side.norm > 0.0;

@@ -9,7 +9,7 @@
 // con 5 tables   u32[TABLES,8]         first number in the result, sectors, numbers of a sector, columns; coefficients
 // mod 6 result   f32[R]                ops/constants.hpp
 // spec 0 WORKGROUP=32  1 SECTORS  2 TABLES | grid (ceil(SECTORS / WORKGROUP) + 1, TABLES) | shared 0.5 KiB
-// loops ≤ E < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ E < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

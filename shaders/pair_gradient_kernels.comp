@@ -16,7 +16,7 @@
 // spec 0 WORKGROUP=32  1 N1≤3  2 N2≤3  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH  17 PER_PART≤2
 //      18 PARTS
 // grid (ceil(E / WORKGROUP), parts) | shared 0 KiB
-// loops ≤ IN4·(1 + channels out·(1 + 2·32·3)) < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ IN4·(1 + channels out·(1 + 2·32·3)) < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -129,7 +129,7 @@ void add_columns(const int t, uint shift, uint step) {
   first_sector(first);
   do {
     const float here = first == sector ? 1.0 : 0.0;
-    int pair = 0;  // of columns
+    int pair = 0;  // the pair of columns
     do {
       const vec2 factor = here * (pair == 0 ? x[t].xy : x[t].zw);
       vec2 product = vec2(0);

@@ -9,7 +9,7 @@
 // mod 5 result  f32[R]                ops/constants.hpp
 // spec 0 WORKGROUP=32  1 SECTORS  2 TABLES  3 IN4
 // grid (most sectors of a table, Σ over tables of ceil(vec4s / 4)) | shared 8 KiB
-// loops ≤ TABLES + ⌈E / WORKGROUP⌉ + 64 / WORKGROUP + 64 < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ TABLES + ⌈E / WORKGROUP⌉ + 64 / WORKGROUP + 64 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

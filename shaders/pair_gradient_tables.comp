@@ -9,7 +9,7 @@
 // out 6 ids       u32[TABLES,N·K] of the sectors
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid (ceil(N·K / WORKGROUP), TABLES + 1) | shared 0 KiB
-// loops ≤ SEARCH < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ SEARCH < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/pair_layer.glsl"

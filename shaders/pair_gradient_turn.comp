@@ -8,7 +8,7 @@
 // out 5 d_turned   f32[M,N·K]     gradients of the messages in the frames
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH
 // grid (ceil(N·K / WORKGROUP), IN4 + most channels of messages) | shared 0 KiB
-// loops none | error: with the rest 1e-4 of the largest entry | fp32
+// loops none | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -11,7 +11,7 @@
 // spec 0 WORKGROUP=32  1 K≤64  2 THIRD  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid ceil(N·K / WORKGROUP) | shared 0 KiB
 // loops ≤ IN4·(TABLES·SEARCH + 8·(VALUES + KEYS)·(1 + 32·6)) < 65535, as src/vk/pair_messages.cpp sees to
-// error: with the rest of the layer 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -49,7 +49,7 @@ layout(push_constant) uniform Push { PairParameters p; };
 PairEdge sides;
 bool any_network = false;
 vec4 turned[16];       // features in the frames, four channels
-vec4 coefficient[9];   // of one part, four channels in, one out
+vec4 coefficient[9];   // one part's, four channels in, one out
 vec3 message[3];       // rows: the first side's components
 
 // Code for every degree d is written out where invocations share columns, since loops that hold loops unroll nowhere;
@@ -115,7 +115,7 @@ void add_messages(const int P, const int Q, const int p, const int q) {
       }
 }
 
-vec4 x[6];  // of the tables to one degree out: what multiplies the columns, and where those begin
+vec4 x[6];  // for the tables to one degree out: what multiplies the columns, and where those begin
 uint at[6];
 
 void find_sector(const int i, const int table, uint shift) {

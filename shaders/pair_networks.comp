@@ -12,7 +12,7 @@
 // spec 0 WORKGROUP=32  1 K≤64  2 EDGES≤32  3–6 IN  7–10 VALUES  11–14 KEYS  15 LINEAR  16 SEARCH≤16
 // grid ceil(N·K / EDGES) | shared 352 + 8·EDGES + 256·IN4 + 156·TABLES + 4·M bytes ≤ 16 KiB
 // loops ≤ EDGES·(8 + 64·IN4 + 40·TABLES + ⌈M/WORKGROUP⌉·(60 + 384·IN4)) < 65535, as src/vk/pair_attention.cpp sees to
-// error: with the rest of the layer 5e-5 of the largest output entry | fp32
+// error: see src/ops/pair_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -37,21 +37,21 @@ layout(push_constant) uniform Push { PairParameters p; };
 #include "common/pair_tables.glsl"
 
 const uint LANES = gl_WorkGroupSize.x;
-const uint WIDTH = 32, QUARTER = WIDTH / 4;  // of the networks' layers: ops::radial_width
-const uint QUADS = QUARTER + 1;              // of their last layer's columns, four by four
+const uint WIDTH = 32, QUARTER = WIDTH / 4;  // the networks' layers: ops::radial_width
+const uint QUADS = QUARTER + 1;              // their last layer's columns, four by four
 
 // Where a network's parameters lie from its begin; a row of the second matrix takes a quarter of its width.
 const uint GAIN1 = WIDTH / 2, BIAS1 = GAIN1 + QUARTER, W2 = BIAS1 + QUARTER, C2 = W2 + WIDTH * QUARTER;
 const uint GAIN2 = C2 + QUARTER, BIAS2 = GAIN2 + QUARTER;
 
 shared uint is_rare[EDGES], list[EDGES];
-shared vec4 axis[6];                 // of both sides
+shared vec4 axis[6];                 // both sides' axes
 shared vec4 turned[16 * IN4];        // features in the frames, by component 4·a + b, a and b of 0 | 1 2 3
-shared vec4 factor[QUADS * TABLES];  // of a table's columns, four by four
+shared vec4 factor[QUADS * TABLES];  // what multiplies a table's columns, four by four
 shared uint column[TABLES];          // where they begin
 shared uint quads[TABLES];           // how many fours
 shared uint network[TABLES];         // the tables whose network has to be evaluated
-shared vec4 hidden[2 * QUARTER];     // of one network: the first layer, activated, and the second, not yet
+shared vec4 hidden[2 * QUARTER];     // one network's: the first layer, activated, and the second, not yet
 shared float message[MESSAGE_COUNT];
 
 #define EXTENT(in, out) ((in) * (out) == 1 ? 3 : 1)
@@ -85,7 +85,7 @@ float activated(float x, float variance, uint j, uint gain, uint bias) {
 }
 
 void evaluate_network(uint table, vec2 lengths) {
-  const vec4 form = uintBitsToFloat(heads[3 * table + 1]);  // of the first variance, and eps
+  const vec4 form = uintBitsToFloat(heads[3 * table + 1]);  // the first variance's, and eps
   const uint at = heads[3 * table + 2].x;
   const vec2 r = (heads[3 * table].w & SWAPPED) != 0u ? lengths.yx : lengths;
   const float first = form.x * r.x * r.x + form.y * r.x * r.y + form.z * r.y * r.y;

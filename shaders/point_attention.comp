@@ -11,7 +11,7 @@
 // out 8 kept         f32[Q,KEPT,4] sums of degree 0 and, by component, 1; flag; per head largest logit, 1 / total: for
 //                                the gradient, if it is to follow
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS | grid tiles | shared 0 KiB
-// loops ≤ K + OUT0 ≤ 1088 < 65535 | error: 2e-5 of the largest output entry | fp32
+// loops ≤ K + OUT0 ≤ 1088 < 65535 | error: see src/ops/point_attention.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -68,7 +68,7 @@ const int COEFFICIENT_STRIDE = (OZ0 + OUT0 * HEADS * Z0 + 3) / 4 * 4;
 const int F4 = (C0 + 3 * C1 + 3) / 4;
 const int R4 = (OUT0 + 3 * OUT1 + 3) / 4;
 
-// Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
+// Factors of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
 const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
 
 READ_VEC4S(0, Features);
@@ -89,7 +89,7 @@ const int KEPT_SUM1 = QUADS(HEADS * N0), KEPT_STATE = KEPT_SUM1 + 3 * QUADS(HEAD
 
 #define SCALAR(f, c) f[c]
 #define VECTOR(f, c) vec3(f[C0 + 3 * (c)], f[C0 + 3 * (c) + 1], f[C0 + 3 * (c) + 2])
-// Of the sums; beyond their end there are zeros.
+// Entries of the sums; beyond their end there are zeros.
 #define KEPT0(i) ((i) < HEADS * N0 ? sum0[(i) < HEADS * N0 ? (i) : 0] : 0.0)
 #define KEPT1(i, a) ((i) < HEADS * N1 ? sum1[(i) < HEADS * N1 ? (i) : 0][a] : 0.0)
 // The row of a point into f[4 * F4].

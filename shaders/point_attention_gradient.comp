@@ -12,7 +12,7 @@
 // con 8 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS
 // grid tiles, or tiles / 32 | shared 0.5 KiB
-// loops ≤ 32·(K + OUT0 + 4) ≤ 36992 < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ 32·(K + OUT0 + 4) ≤ 36992 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
@@ -89,7 +89,7 @@ void load_record(uint at) {
   }
 }
 
-// Of an edge's paths and, on the way, of the queries.
+// The gradient with respect to an edge's paths and, on the way, to the queries.
 void differentiate_attention() {
   [[unroll]] for (int i = 0; i < N0; ++i) d_phi0[i] = 0.0;
   [[unroll]] for (int i = 0; i < N1; ++i) d_phi1[i] = vec3(0);
@@ -142,7 +142,7 @@ void differentiate_attention() {
   }
 }
 
-// Of the neighbour's feature; returns that of the direction.
+// The gradient with respect to the neighbour's feature; returns that with respect to the direction.
 vec3 differentiate_paths(Edge edge) {
   const vec3 v = edge.direction;
   vec3 d_direction = vec3(0);
@@ -179,7 +179,7 @@ vec3 differentiate_paths(Edge edge) {
 #define FEATURE_PART(i) \
   vec4(FEATURE_ENTRY(4 * (i)), FEATURE_ENTRY(4 * (i) + 1), FEATURE_ENTRY(4 * (i) + 2), FEATURE_ENTRY(4 * (i) + 3))
 
-// Of the row's own feature, through the queries and S.
+// The gradient with respect to the row's own feature, through the queries and S.
 void differentiate_own() {
   WEIGHTS0(m0, M0, HEADS * N0 * Z0)
   [[unroll]] for (int c = 0; c < C0; ++c) {

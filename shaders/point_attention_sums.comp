@@ -12,7 +12,7 @@
 // con 8 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS
 // grid tiles, or tiles / 32 | shared 0.5 KiB
-// loops ≤ 32·(K + 2·OUT0 + 4) ≤ 36992 < 65535 | error: with the rest 1e-4 of the largest entry | fp32
+// loops ≤ 32·(K + 2·OUT0 + 4) ≤ 36992 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

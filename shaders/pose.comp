@@ -5,7 +5,7 @@
 // in  0 pieces f32[B,24]  21 as in src/ops/head.hpp
 // out 1 poses  f32[B,16]  R (9, row-major), t (3), singular values (3, descending), det U Vᵀ before the flip
 // spec 0 WORKGROUP=32 | grid ceil(B / WORKGROUP) | shared 0 KiB
-// loops ≤ 6 < 65535 | error: R 1e-5 / gap, gap = (s₂ ± s₃)/s₁; singular values 1e-6·s₁ | fp32
+// loops ≤ 6 < 65535 | error: see src/ops/pose.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"
@@ -25,7 +25,7 @@ bool finite(vec4 x) {
 
 float largest(vec3 x) { return max(max(abs(x.x), abs(x.y)), abs(x.z)); }
 
-// Of any length but zero, which stays.
+// The unit vector along x, of whatever length; zero stays.
 vec3 direction(vec3 x) {
   const float size = largest(x);
   const vec3 scaled = x / (size > 0.0 ? size : 1.0);

@@ -8,7 +8,7 @@
 // in  2 d_poses  f32[B,16]  of R and t; singular values and determinant have no gradient
 // out 3 d_pieces f32[B,24]
 // spec 0 WORKGROUP=32 | grid ceil(B / WORKGROUP) | shared 0 KiB
-// loops ≤ 6 < 65535 | error: 1e-5 / gap of the largest entry, gap = (s₂ ± s₃)/s₁ | fp32
+// loops ≤ 6 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/loss.glsl"
@@ -16,7 +16,7 @@
 
 layout(local_size_x_id = 0) in;
 
-const float SUM_FLOOR = 1e-6;  // of two singular values
+const float SUM_FLOOR = 1e-6;  // the least sum of two singular values
 
 layout(set = 0, binding = 0) readonly buffer Pieces { vec4 pieces[]; };
 layout(set = 0, binding = 1) readonly buffer Poses { vec4 poses[]; };
@@ -29,10 +29,10 @@ bool finite(vec4 x) {
   return all(notEqual(exponent, uvec4(0x7f800000u)));
 }
 
-// Of rows one after the other.
+// The matrix of rows one after the other.
 mat3 matrix_of(vec4 a, vec4 b, vec4 c) { return transpose(mat3(a.xyz, vec3(a.w, b.xy), vec3(b.zw, c.x))); }
 
-// Of a matrix minus its transpose.
+// The axial vector of a matrix minus its transpose.
 vec3 axial(mat3 m) { return vec3(m[1].z - m[2].y, m[2].x - m[0].z, m[0].y - m[1].x); }
 
 void main() {

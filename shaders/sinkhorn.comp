@@ -23,7 +23,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool NORMALS = false;
-layout(constant_id = 2) const bool CHANGES = true;  // of the plan are wanted
+layout(constant_id = 2) const bool CHANGES = true;  // whether the plan's changes are wanted
 
 layout(set = 0, binding = 0) readonly buffer Points { vec4 points[]; };
 layout(set = 0, binding = 1) readonly buffer Boxes { vec4 boxes[]; };

@@ -5,7 +5,7 @@
 // in  1 offsets    u32[S+1]      cloud s owns rows offsets[s] .. offsets[s+1]
 // out 2 normaliser f32[S,L/4,8]  four largest logits, one over the sums
 // spec 0 WORKGROUP=128  1 L | grid L/4 × clouds | shared 4 KiB
-// loops ≤ rows/512 + 8; with ≤ 16 Mi rows of a cloud ≤ 32776 < 65535 | error: 1e-6 | fp32
+// loops ≤ rows/512 + 8; with ≤ 16 Mi rows of a cloud ≤ 32776 < 65535 | error: see src/ops/softmax_sum.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

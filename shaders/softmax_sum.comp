@@ -10,7 +10,7 @@
 //                                –, –; chunk c of cloud s is number offsets[s]/128 + s + c
 // spec 0 WORKGROUP=32  1 CHANNELS  2 L  3 V  4 SKIP  5 COLUMNS  6 PARTS≤16 | grid tiles | shared 0 KiB
 // loops 17 per WORKGROUP of CHANNELS·⌈COLUMNS/4⌉; with ≤ 65536 of those ≤ 34816 < 65535
-// | error: 2e-6 of the largest sum | fp32
+// | error: see src/ops/softmax_sum.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -5,7 +5,7 @@
 // out 2 result   f32[S·CHANNELS,C4]   COLUMNS sums, padded to C4, a multiple of 4
 // spec 0 WORKGROUP=32  1 CHANNELS  2 COLUMNS  3 PARTS≤16 | grid CHANNELS·⌈COLUMNS/4⌉ × clouds | shared 1 KiB
 // loops PARTS·⌈rows/128⌉/WORKGROUP + 5; with ≤ 4 Mi rows of a cloud ≤ 16389 < 65535
-// | error: 2e-6 of the largest sum | fp32
+// | error: see src/ops/softmax_sum.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -9,7 +9,7 @@
 // mod 6 d_logits   f32[P,L]      if FLAGS & 1; & 2: added to
 // out 7 d_values   f32[P,V]      if FLAGS & 4
 // spec 0 WORKGROUP=32  1 CHANNELS≤1024  2 L  3 V  4 SKIP  5 COLUMNS≤256  6 FLAGS≤15 | grid tiles | shared 0 KiB
-// loops ≤ CHANNELS + 4·L ≤ 5120 < 65535 | error: 1e-5 of the largest entry | fp32
+// loops ≤ CHANNELS + 4·L ≤ 5120 < 65535 | error: see src/ops/gradient.hpp | fp32
 #version 450
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require

@@ -8,7 +8,7 @@
 // in  5 f   f32[N,4]
 // mod 6 sum f32[N,4]  with MORE, what the others are added to
 // spec 0 WORKGROUP=32  1 COUNT≤6  2 MORE | grid ceil(N / WORKGROUP) | shared 0 KiB
-// loops none | error: one rounding per addition | fp32
+// loops none | error: see src/ops/sum.hpp | fp32
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "common/parameters.glsl"

@@ -58,7 +58,7 @@ Result<void> judge(const Device& device, std::span<const CloudPair> clouds,
   if (!judged) return tl::unexpected(judged.error());
   for (std::size_t i = 0; i < answers.size(); ++i) {
     Confidence& confidence = (*judged)[i];
-    // Of complete matching, of a restriction, and of a network that is sure of parts of the clouds only.
+    // So it is with complete matching, with a restriction, and with a network that is sure of parts only.
     if (answers[i].assembly.status == Status::degenerate && confidence.value > 0) {
       confidence.value = 0;
       confidence.reasons.insert(confidence.reasons.begin(), answers[i].assembly.diagnostics.reason);
@@ -157,7 +157,7 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
   const std::vector<CloudPair> clouds = used(pairs);
   auto assemblies = assemble(plan, clouds,
                              {.complete_match = options.complete_match,
-                              .diagnostics = false,  // of the last pose, below
+                              .diagnostics = false,  // measured at the last pose, below
                               .swap_residual = options.swap_residual});
   if (!assemblies) return tl::unexpected(assemblies.error());
   std::vector<std::optional<NetworkEvidence>> evidence(pairs.size());

@@ -19,7 +19,7 @@ struct AssemblyReport {
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
   std::optional<Pose> truth = {};
-  RefineOptions refine_options = {};  ///< of the refinement
+  RefineOptions refine_options = {};  ///< those the refinement had
   std::vector<StageDifference> verification = {};
 };
 
@@ -28,7 +28,7 @@ bool within_bounds(const AssemblyReport& report);
 /// Pose, diagnostics, confidence and, where they were asked for, the errors and the verification's table.
 void print(const AssemblyReport& report, std::FILE* out);
 
-/// Of the pose: status, the signals that tell good from bad.
+/// The pose's status, and the signals that tell good from bad.
 Json diagnostics_json(const Assembly& assembly);
 std::string_view status_name(Status status);
 

@@ -446,7 +446,7 @@ Command add_batch(CLI::App& root) {
   add_cloud_options(*app, options->clouds);
   add_answer_options(*app, options->answer, false);
   add_run_options(*app, options->run);
-  app->remove_option(app->get_option("--profile"));  // of one assemble()
+  app->remove_option(app->get_option("--profile"));  // it is about one assemble()
   app->footer(
       "MANIFEST: a CSV table whose first line names its columns, source, reference and, as wanted, truth (a\n"
       "JSON file with the true pose) and name; or, in a file *.jsonl, a JSON object with these keys per "

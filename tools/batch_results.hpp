@@ -30,7 +30,7 @@ class Histogram {
 
 struct BatchSummary {
   std::uint64_t pairs = 0, ok = 0, degenerate = 0, failed = 0, unreadable = 0;
-  std::uint64_t refused = 0;  ///< of those that are ok or degenerate
+  std::uint64_t refused = 0;  ///< so many of those that are ok or degenerate
   Histogram rotation_degrees{180}, overlap{1}, confidence{1};
   void add(const Json& line);
 };

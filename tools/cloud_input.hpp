@@ -34,7 +34,7 @@ bool too_few_points(const CloudInput& input, const Model& model);
 struct ModelChoice {
   std::string model;
   bool complete_match = false;
-  std::uint64_t seed = 0;  ///< of untrained weights
+  std::uint64_t seed = 0;  ///< seed of untrained weights
 };
 /// --model, --complete-match, --model-seed, and --mode into `mode`.
 void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode);

@@ -59,7 +59,7 @@ std::string split_name(Split split) {
 
 tl::unexpected<Error> wrong(const std::string& message) { return fail(ErrorCode::invalid_argument, message); }
 
-/// Of a cloud's points, where clouds only meet.
+/// Share of a cloud's points that have a counterpart where clouds only meet.
 constexpr double seam = 0.2;
 
 /// What ICP keeps unless it is told: the share of a cloud that surely has a counterpart, or half by chance.

@@ -96,7 +96,7 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
   return estimate;
 }
 
-/// of(i) for every sample of the batch, on all threads.
+/// Calls of(i) for every sample of the batch, on all threads.
 template <class Of>
 std::vector<Pose> for_each_sample(std::span<const DataSample> batch, const Device& device, Of of) {
   std::vector<Pose> poses(batch.size());

@@ -30,7 +30,7 @@ struct Method {
   bool plain = false;                ///< a row of its poses
   std::vector<Follow> refined = {};  ///< a row each, of its poses after that
 
-  // Of a network.
+  // What only a network has.
   std::string file = {};  ///< empty for complete-match
   std::optional<Model> model = {};
   std::optional<Plan> plan = {};  ///< made when it is needed
@@ -53,8 +53,8 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice);
 struct Estimation {
   const Device& device;
   std::optional<Mode> mode;
-  double keep;  ///< of trimmed ICP, as in refine::IcpOptions
-  int answers;  ///< of a trained network for parts of the clouds, see resample()
+  double keep;  ///< for trimmed ICP, as in refine::IcpOptions
+  int answers;  ///< a trained network's passes over parts of the clouds, see resample()
 };
 
 /// T_reference_source of every sample.

@@ -74,12 +74,12 @@ std::string table(const EvalReport& report) {
 /// Bars of equal width from 0 on; the last one takes what lies beyond.
 struct Histogram {
   std::string what, unit;
-  double width;  ///< of a bar
+  double width;  ///< a bar's
   int bars;
 };
 
 std::string histogram(const svg::Frame& frame, const Histogram& how, const std::vector<double>& values,
-                      const std::string& colour) {
+                      const std::string& color) {
   std::vector<int> counts(static_cast<std::size_t>(how.bars));
   for (const double value : values)
     ++counts[static_cast<std::size_t>(std::min(value / how.width, how.bars - 1.0))];
@@ -93,10 +93,9 @@ std::string histogram(const svg::Frame& frame, const Histogram& how, const std::
     if (count == 0) continue;
     const double from = bar * how.width, to = from + how.width;
     const std::string last = bar + 1 == how.bars ? " and more" : "";
-    chart +=
-        svg::rectangle(x.at(from), y.at(count), x.at(to) - x.at(from) - 0.5, bottom - y.at(count), colour,
-                       number(from) + " … " + number(to) + how.unit + last + ": " + std::to_string(count) +
-                           (count == 1 ? " pair" : " pairs"));
+    chart += svg::rectangle(x.at(from), y.at(count), x.at(to) - x.at(from) - 0.5, bottom - y.at(count), color,
+                            number(from) + " … " + number(to) + how.unit + last + ": " +
+                                std::to_string(count) + (count == 1 ? " pair" : " pairs"));
   }
   return chart + text_at(right, bottom + 32, how.what, "end");
 }
@@ -113,9 +112,9 @@ std::string histograms(const EvalSetting& setting) {
     }
     const double at = row * static_cast<double>(m) + top;
     image += text_at(50, at - 10, method.name, "start", " font-weight=\"bold\"");
-    image += histogram({50, at, width, row - 75}, {"Δr, degrees", "°", 5, 36}, degrees, svg::colour(m));
+    image += histogram({50, at, width, row - 75}, {"Δr, degrees", "°", 5, 36}, degrees, svg::color(m));
     image += histogram({570, at, width, row - 75}, {"Δt over the diagonal", "", 0.025, 40}, fractions,
-                       svg::colour(m));
+                       svg::color(m));
   }
   return image + "</svg>\n";
 }
@@ -141,7 +140,7 @@ std::string scatter(const std::vector<const EvalSetting*>& settings, std::size_t
     for (const EvalPair& pair : setting->methods[method].pairs) {
       const double at = across(*setting, pair);
       if (index++ % step == 0)
-        dots += svg::circle(x.at(at), height(pair.errors.rotation), 2, svg::colour(method));
+        dots += svg::circle(x.at(at), height(pair.errors.rotation), 2, svg::color(method));
       const std::size_t bin =
           places.size() == 1 ? 0 : static_cast<std::size_t>(std::clamp(at / 10, 0.0, 9.0));
       places[bin].push_back(at);
@@ -152,17 +151,17 @@ std::string scatter(const std::vector<const EvalSetting*>& settings, std::size_t
   }
   std::sort(medians.begin(), medians.end());
   std::string chart =
-      element("g", dots, " opacity=\"0.3\"") + "\n" + svg::polyline(medians, svg::colour(method));
-  for (const auto& [px, py] : medians) chart += svg::circle(px, py, 4, svg::colour(method));
+      element("g", dots, " opacity=\"0.3\"") + "\n" + svg::polyline(medians, svg::color(method));
+  for (const auto& [px, py] : medians) chart += svg::circle(px, py, 4, svg::color(method));
   return chart;
 }
 
 std::string legend_entry(std::size_t method, const std::string& name, double left, double top) {
   const double at = top + 12 + 20 * static_cast<double>(method);
-  return svg::rectangle(left, at - 8, 14, 8, svg::colour(method)) + text_at(left + 21, at, name, "start");
+  return svg::rectangle(left, at - 8, 14, 8, svg::color(method)) + text_at(left + 21, at, name, "start");
 }
 
-/// Of settings with one number of points; empty where neither overlap nor share differ.
+/// For settings with one number of points; empty where neither overlap nor share differ.
 std::string errors_over_overlap(const std::vector<const EvalSetting*>& settings) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   const auto range = [&](const Across& across) {
@@ -225,11 +224,11 @@ std::string reliability(const MethodConfidence& methods) {
     for (const ConfidenceBin& bin : summary.bins) {
       places.emplace_back(x.at(bin.said), y.at(bin.was));
       const double share = static_cast<double>(bin.poses) / static_cast<double>(summary.poses);
-      dots += svg::circle(x.at(bin.said), y.at(bin.was), 3 + 7 * std::sqrt(share), svg::colour(m),
+      dots += svg::circle(x.at(bin.said), y.at(bin.was), 3 + 7 * std::sqrt(share), svg::color(m),
                           name + ": said " + number(bin.said, "%.2f") + ", was " + number(bin.was, "%.2f") +
                               " (" + std::to_string(bin.poses) + (bin.poses == 1 ? " pose)" : " poses)"));
     }
-    image += svg::polyline(places, svg::colour(m)) + element("g", dots, " opacity=\"0.7\"") + "\n" +
+    image += svg::polyline(places, svg::color(m)) + element("g", dots, " opacity=\"0.7\"") + "\n" +
              legend_entry(m, name, 405, frame.top);
   }
   return image + text_at(60, 374, "share of the poses that were right", "start") +

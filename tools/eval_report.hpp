@@ -32,9 +32,9 @@ struct EvalMethod {
 /// One setting: the same pairs under every method.
 struct EvalSetting {
   std::string protocol;
-  std::optional<double> share;  ///< of a crop
-  std::uint64_t points = 0;     ///< of a cloud, or of the object before the crop
-  double keep = 0;              ///< of ICP
+  std::optional<double> share;  ///< what a crop keeps
+  std::uint64_t points = 0;     ///< in a cloud, or in the object before the crop
+  double keep = 0;              ///< share of the points that ICP keeps
   bool by_overlap = false;      ///< also tell pairs apart by their true overlap
   std::vector<EvalMethod> methods;
 };

@@ -12,8 +12,8 @@ namespace bitr::tool {
 
 /// Paths are relative to the manifest's folder in the file, and not any more here.
 struct ManifestEntry {
-  std::uint64_t number = 0;  ///< of the pair, from 0
-  std::string name;          ///< as given, else of the number
+  std::uint64_t number = 0;  ///< the pair's, from 0
+  std::string name;          ///< as given, else made from the number
   std::string source, reference;
   std::string truth;         ///< a file with the true pose; empty: none
   std::optional<Pose> pose;  ///< the true pose where it stands in the manifest itself

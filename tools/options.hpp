@@ -69,7 +69,7 @@ struct RunOptions {
 };
 void add_run_options(CLI::App& app, RunOptions& options);
 Result<OpenDevice> open_device(const RunOptions& options);
-/// Of --profile, for check_outputs.
+/// The file of --profile, for check_outputs.
 OutputFile profile_output(const RunOptions& options);
 /// The plan's last assemble(), if --profile was given.
 Result<void> write_profile(const RunOptions& options, const Plan& plan);

@@ -21,7 +21,7 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-// Of files that need not be there yet, in folders that are.
+// The files need not be there yet; their folders are.
 bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   std::error_code error;
   if (a.empty() || b.empty()) return false;

@@ -11,7 +11,7 @@
 namespace bitr::tool {
 namespace {
 
-constexpr double tolerance = 1e-6;  // of RᵀR = I, in files written with fewer digits than a double has
+constexpr double tolerance = 1e-6;  // RᵀR differs from I by less: files may have fewer digits than a double
 
 bool is_rotation(const std::array<double, 9>& r) {
   for (int i = 0; i < 3; ++i)

@@ -13,7 +13,7 @@ namespace bitr::tool {
 
 struct Restriction {
   bool translation = false;   ///< no turn at all
-  std::optional<Vec3d> axis;  ///< of unit length: turns about this axis of the frames only
+  std::optional<Vec3d> axis;  ///< a unit vector: turns about this axis of the frames only
 
   bool any() const { return translation || axis; }
 };
@@ -45,7 +45,7 @@ Restricted restrict_assembly(const Restriction& restriction, const Vec3d& source
 
 /// "a shift", "a turn of 12.5° about (0, 0, 1) and a shift".
 std::string describe(const Restricted& restricted);
-/// Of the family alone, for settings.
+/// The family alone, for settings.
 Json to_json(const Restriction& restriction);
 Json to_json(const Restricted& restricted);
 

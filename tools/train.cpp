@@ -18,7 +18,7 @@ namespace {
 struct Options {
   std::string config, out, init;
   std::vector<std::string> kinds, folders, settings;
-  std::vector<TrainOverride> overrides;  ///< of the options that stand for one setting
+  std::vector<TrainOverride> overrides;  ///< from the options that stand for one setting
   bool resume = false, print_config = false;
   DeviceChoice device;
 };

@@ -30,7 +30,7 @@ struct PlanOptions {
   Precision precision = Precision::f32;
   std::optional<Mode> mode = {};  ///< overrides the model's
   bool as_defined = false;  ///< evaluate the network as the paper states it, nothing folded: slow, the truth
-  NeighborSearch neighbors = NeighborSearch::automatic;  ///< of points in their cloud; the poses are the same
+  NeighborSearch neighbors = NeighborSearch::automatic;  ///< within each cloud; the poses are the same
 };
 
 /// What a plan can hold at once: pairs, and the points of all their clouds together.
@@ -55,12 +55,14 @@ enum class Status {
 };
 
 struct Diagnostics {
-  std::array<double, 3> singular_values{};  ///< of r̂ / max(|r̂|, 1e-5), descending
+  std::array<double, 3> singular_values{};  ///< those of r̂ / max(|r̂|, 1e-5), descending
   /// (s₂ ± s₃)/s₁ with the sign of det r̂: the distance of the rotation from being ambiguous, in [0, 2].
   double rotation_gap = 0;
   bool degenerate = false;
-  std::string reason;                 ///< empty when not degenerate
-  std::optional<double> overlap;      ///< share of source points with a reference point within the threshold
+  std::string reason;  ///< empty when not degenerate
+  /// Share of the source's points with a reference point within inlier_threshold, at the pose found: distances
+  /// only. (Refinement and Evidence count counterparts, within another length; GeneratedPair knows the truth.)
+  std::optional<double> overlap;
   std::optional<double> inlier_rmse;  ///< over those points, in the clouds' units; empty if there are none
   std::optional<double> inlier_threshold;  ///< twice the larger of the clouds' median neighbour distances
   std::optional<double> swap_residual;  ///< |f(X,Y)∘f(Y,X) − I|, translations in units of the reference's
@@ -79,7 +81,7 @@ struct StageTime {
   std::string stage;
   double milliseconds = 0;
   double start_ms = 0;   ///< since the first forward pass of the assemble() began
-  std::size_t pass = 0;  ///< of that assemble(), from 0
+  std::size_t pass = 0;  ///< which forward pass of the assemble(), from 0
 };
 
 /// What one forward pass asks of a Vulkan device: the same on every device of a tier, whatever the times.
@@ -103,10 +105,10 @@ class Plan {
   /// a Vulkan device what the capacity takes, with buffers for input and output, all of it from the start.
   std::size_t workspace_bytes() const;
   std::size_t operation_count() const;            ///< operations a forward pass runs
-  const std::vector<StageTime>& timings() const;  ///< of the last assemble(), summed over its forward passes
+  const std::vector<StageTime>& timings() const;  ///< the last assemble()'s stages, summed over its passes
   /// Every operation of the last assemble(), in the order they ran. Durations are 0 where a GPU has no clock.
   const std::vector<StageTime>& profile() const;
-  /// Of the last forward pass; zeros on the CPU.
+  /// What the last forward pass asked of the device; zeros on the CPU.
   PlanCounters counters() const;
 
   struct Impl;

@@ -31,8 +31,8 @@ struct NetworkEvidence {
 
 struct ResampleOptions {
   int answers = 8;         ///< for parts of the clouds, an even number in 2 … 100
-  double share = 0.9;      ///< of a cloud's points in a part, above 0 and below 1
-  std::uint64_t seed = 0;  ///< of the parts
+  double share = 0.9;      ///< share of a cloud's points in a part, above 0 and below 1
+  std::uint64_t seed = 0;  ///< same seed, same parts
 };
 
 /// Larger parts than this tell no more.
@@ -50,7 +50,7 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
 /// What a pose is judged by. Nothing here depends on units or on the frames of the clouds.
 struct Evidence {
   double score = 0;    ///< see refinement_score
-  double overlap = 0;  ///< share of the points with a counterpart (as in that score), of the cloud with more
+  double overlap = 0;  ///< Refinement::overlap_before of the pose: the larger of the clouds' shares
   /// How near the rims, where a cloud's surface ends, are to the other cloud: the mean over the rims' points
   /// of 1 − (d/2τ)², at least 0; empty without rims. What clouds that only meet have in common. τ is that of
   /// the score (refine.hpp).

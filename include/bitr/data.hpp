@@ -23,12 +23,12 @@ enum class Split { all, train, validation, test };
 /// One ingredient of a data set: a kind of procedural shapes or a folder, and how pairs are made of them.
 struct DataPart {
   std::string kind = {};        ///< one of generated_kinds(); empty: files
-  std::size_t shapes = 10'000;  ///< of a kind: seeds first_seed … first_seed + shapes − 1, up to 10 million
-  std::uint64_t first_seed = 0;       ///< of a kind
+  std::size_t shapes = 10'000;  ///< a kind's seeds are first_seed … first_seed + shapes − 1, up to 10 million
+  std::uint64_t first_seed = 0;       ///< with a kind
   std::filesystem::path folder = {};  ///< without a kind: searched with all folders below it for what
                                       ///< read_geometry reads; or one such file
 
-  /// Of a kind, to draw samples more quickly: so many points of each side (each fragment, or each of two
+  /// With a kind, to draw samples more quickly: so many points of each side (each fragment, or each of two
   /// samples of the shape) are drawn once, in single precision, and every sample takes some of them. At least
   /// points_high, up to a million; 0: every sample is drawn anew. A pool takes 48 bytes for each of its
   /// points; shapes whose pools do not fit in the cache do without.
@@ -38,7 +38,7 @@ struct DataPart {
 
   std::optional<Protocol> protocol = {};     ///< empty: the kind's own way; opposed for files
   double share_low = 0.7, share_high = 0.7;  ///< a crop's share is uniform between them
-  double weight = 1;                         ///< of all samples, relative to the other parts'; above 0
+  double weight = 1;                         ///< share of all samples, relative to the other parts'; above 0
 };
 
 /// Lengths are in model units: every shape is centred and fits in a ball of radius 0.5, files too (their
@@ -46,7 +46,7 @@ struct DataPart {
 struct DataOptions {
   std::vector<DataPart> parts;
   Split split = Split::all;
-  double validation_share = 0.1, test_share = 0.1;  ///< of the shapes
+  double validation_share = 0.1, test_share = 0.1;  ///< shares of the shapes
 
   std::size_t points_low = 1024, points_high = 1024;  ///< as GenerateOptions::points, uniform between them
   double roughness_low = 0.02,
@@ -56,9 +56,9 @@ struct DataOptions {
   bool normals = true;                  ///< shapes without normals are skipped; false: no sample has normals
   bool same_points = false;             ///< both sides crop one sample of the surface; false: each its own
 
-  std::size_t samples = 0;  ///< of an epoch; 0: as many as there are shapes in the split
+  std::size_t samples = 0;  ///< samples an epoch; 0: as many as there are shapes in the split
   std::uint64_t seed = 0;
-  std::size_t cache_bytes = std::size_t{256} << 20;  ///< of memory for shapes that will be used again; the
+  std::size_t cache_bytes = std::size_t{256} << 20;  ///< memory for shapes that will be used again; the
                                                      ///< samples depend on it only if pools do not fit
 };
 
@@ -91,7 +91,7 @@ class DataSet {
   static Result<DataSet> open(const DataOptions& options);
 
   const DataOptions& options() const;
-  std::size_t samples() const;  ///< of an epoch
+  std::size_t samples() const;  ///< in an epoch
   std::size_t shapes() const;   ///< in the split
 
   /// Changes when anything does that the sequence depends on, but for the files' content.
@@ -112,8 +112,8 @@ class DataSet {
 
 /// A place in the sequence, to be kept with a training run.
 struct DataPosition {
-  std::uint64_t epoch = 0, index = 0;  ///< of the next sample
-  std::uint64_t fingerprint = 0;       ///< of its data set; 0: not known
+  std::uint64_t epoch = 0, index = 0;  ///< where the next sample is
+  std::uint64_t fingerprint = 0;       ///< its data set's; 0: not known
 };
 
 struct SamplerOptions {

@@ -30,7 +30,7 @@ class Device {
   /// CPU threads. A Vulkan device has them for what it leaves to the CPU: packing, diagnostics.
   unsigned threads() const;
 
-  // Of a Vulkan device; empty or false on the CPU.
+  // What only a Vulkan device has; empty or false on the CPU.
   std::string driver() const;  ///< the driver's name and version
   std::string tier() const;    ///< as in DeviceInfo
   bool lost() const;           ///< it stopped answering: every call on its plans fails with `device_lost`
@@ -63,7 +63,7 @@ struct DeviceInfo {
   std::string api_version;  ///< "1.3.230"
   std::string tier;  ///< which variants of the kernels it gets: "shuffle" (subgroup operations), "basic"
   unsigned subgroup_size = 1;
-  std::uint64_t memory_bytes = 0;   ///< of its largest own heap
+  std::uint64_t memory_bytes = 0;   ///< its largest own heap
   std::vector<std::string> quirks;  ///< what its driver is known to do wrong and the kernels steer around
   std::string unsuitable;           ///< why it cannot be used; empty if it can
 

@@ -22,7 +22,7 @@ struct PoseErrors {
 /// about its origin, so Δt is the same for all of them.
 PoseErrors errors_of(const Pose& T_reference_source, const DataSample& sample);
 
-/// Of the box around both clouds, joined by the truth, in the object's own frame. In model units.
+/// The diagonal of the box around both clouds, joined by the truth, in the object's own frame; model units.
 double object_diagonal(const DataSample& sample);
 
 struct Distribution {
@@ -33,7 +33,7 @@ struct Distribution {
 
 struct ErrorSummary {
   std::size_t pairs = 0;
-  std::size_t failed = 0;  ///< of them, see PoseErrors
+  std::size_t failed = 0;  ///< so many of the pairs, see PoseErrors
   Distribution rotation, translation, translation_fraction;
 
   // Shares of the pairs, 0 … 1.
@@ -65,7 +65,7 @@ struct ConfidenceBin {
 
 struct ConfidenceSummary {
   std::size_t poses = 0;
-  double said = 0, was = 0;    ///< of all poses, as in a bin
+  double said = 0, was = 0;    ///< means over all poses, as in a bin
   std::optional<double> area;  ///< under the ROC curve: the chance that a right pose has more confidence than
                                ///< a wrong one, ties half; empty when all are right or all wrong
   std::vector<ConfidenceBin> bins;  ///< tenths that have poses

@@ -35,7 +35,7 @@ Result<Protocol> protocol_named(std::string_view name);
 
 /// Lengths are in model units: every generated object fits in a ball of radius 0.5.
 struct GenerateOptions {
-  std::size_t points = 2048;  ///< of each cloud, 1 … max_generated_points; where the object is cropped, of
+  std::size_t points = 2048;  ///< in each cloud, 1 … max_generated_points; where the object is cropped, in
                               ///< the whole object, of which each cloud keeps its share
   double noise = 0;  ///< standard deviation added to every coordinate, 0 … 1; clipped at noise_clip of it
   double roughness = 0.02;                ///< standard deviation of a break's relief, 0 … 0.1
@@ -59,9 +59,10 @@ struct GeneratedPair {
   PointCloud source;
   PointCloud reference;
   Pose T_reference_source;
-  Pose T_source_object;    ///< from the frame of the whole object to the source's
-  double overlap = 0;      ///< share of the object's points in the part that both clouds cover: 1 for a copy
-  Symmetry symmetry = {};  ///< of the whole object, though a break or equal points may tell its turns apart
+  Pose T_source_object;  ///< from the frame of the whole object to the source's
+  double overlap =
+      0;  ///< the truth: share of the object's points in the part both clouds cover; 1 for a copy
+  Symmetry symmetry = {};  ///< the whole object's, though a break or equal points may tell its turns apart
 };
 
 struct GeneratedKind {

@@ -19,11 +19,10 @@ namespace bitr::io {
 /// Formats are chosen by the file's extension, case-insensitively:
 ///   .ply  ascii, binary little and big endian; vertices, normals, colours, faces
 ///   .pcd  0.7: ascii, binary, binary_compressed; x y z, normal_x/y/z, rgb
-///   .xyz .txt .csv  a point a line, cells separated by blanks, commas or semicolons; # and // start
-///   comments.
-///         A header line may name the columns (x, y, z, nx, ny, nz, r, g, b, …). Without one the first three
-///         columns are x y z, and six columns are x y z and a unit normal; other numbers of columns say
-///         nothing
+///   .xyz .txt .csv  a point a line, cells separated by blanks, commas or semicolons;
+///                   # and // start comments. A header line may name the columns
+///                   (x, y, z, nx, ny, nz, r, g, b, …). Without one the first three columns are x y z, and
+///                   six columns are x y z and a unit normal; other numbers of columns say nothing
 ///   .npy  N×3, or N×6 (positions, unit normals); little-endian f4 or f8, C order
 ///   .obj .off .stl  meshes; equal corners of an STL are one vertex
 /// In all of them polygons become fans of triangles. Coordinates, normals and colours must be finite. Normals
@@ -43,7 +42,7 @@ struct Geometry {
 
 struct ReadOptions {
   std::size_t mesh_points = 2048;  ///< points to sample when the file is a mesh
-  std::uint64_t seed = 0;          ///< of that sampling
+  std::uint64_t seed = 0;          ///< seed of that sampling
 };
 
 /// Parses bytes already in memory; `name` only labels errors. `bad_file` when they are malformed, hold NaN or

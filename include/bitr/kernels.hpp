@@ -14,6 +14,7 @@
 // of arithmetic.
 #pragma once
 
+#include <bitr/degree.hpp>
 #include <bitr/device.hpp>
 #include <bitr/neighbor_search.hpp>
 #include <bitr/result.hpp>
@@ -51,7 +52,7 @@ class KeptKernel {
 struct KnnShape {
   int k = 24;                                         ///< neighbours of a point, 1 … 64
   int dim = 3;                                        ///< coordinates of a point, 1 … 8
-  NeighborSearch search = NeighborSearch::automatic;  ///< of points among themselves, where dim is 3
+  NeighborSearch search = NeighborSearch::automatic;  ///< for points among themselves, where dim is 3
 };
 
 /// Points in segments that never see each other (clouds of a batch): segment s owns rows
@@ -92,20 +93,9 @@ Result<std::vector<std::uint32_t>> knn(const Device& device, const KnnShape& sha
 
 // ---- Clebsch–Gordan products
 
-/// How a feature of (2p+1)(2q+1) numbers turns: rotations (R₁, R₂) act on it as D^p(R₁) ⊗ D^q(R₂), p's index
-/// slow. {l} is an ordinary feature of degree l under one rotation. The basis of a degree is that of the real
-/// spherical harmonics, m = −l … l; degree 1 is a vector in the order (y, z, x).
-struct Degree {
-  int p = 0;
-  int q = 0;
-
-  int dim() const { return (2 * p + 1) * (2 * q + 1); }
-  bool operator==(const Degree&) const = default;
-};
-
 struct CgProductShape {
   Degree a, b, out;       ///< 0 … 2 each; |a − b| ≤ out ≤ a + b for p and for q
-  int channels = 1;       ///< of a and of the result, 1 … 1024
+  int channels = 1;       ///< in a and in the result, 1 … 1024
   bool shared_b = false;  ///< b has one channel, which meets all of a's; otherwise as many as a
   int k = 0;              ///< 0: row by row; 1 … 64: along the edges from every row to k neighbours
 };
@@ -117,7 +107,7 @@ struct CgProductInput {
   std::span<const std::uint32_t> index = {};  ///< along edges [Q, k], the neighbours: rows of a; else empty
 };
 
-/// Of every channel's features a and b the part of a ⊗ b that turns as degree `out`:
+/// For every channel's features a and b, the part of a ⊗ b that turns as degree `out`:
 ///   out_m = Σ_ij Q[(i, j), m] a_i b_j
 /// with Q the orthonormal columns of the Clebsch–Gordan matrix that belong to D^out (Racah's formula); on
 /// both sides, the product of two such. 1 ⊗ 1 → 0 is −a·b/√3, 1 ⊗ 1 → 1 is a×b/√2. Under all rotations,
@@ -144,7 +134,7 @@ struct AttentionShape {
   int key_width = 1;    ///< D, numbers of a query or key per head, 1 … 1024
   int value_width = 1;  ///< V, numbers of a value per head, 1 … 1024
   int k = 24;           ///< neighbours of a query, 1 … 64
-  double scale = 1;     ///< of the logits, often 1/√D; finite
+  double scale = 1;     ///< factor of the logits, often 1/√D; finite
 };
 
 template <Real T>

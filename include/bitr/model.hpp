@@ -78,7 +78,7 @@ class Model {
 
 struct ModelOptions {
   std::string name =
-      "model";  ///< of bytes in memory: reported by name() and in errors; a file has its path and stem
+      "model";  ///< for bytes in memory: reported by name() and in errors; a file has its path and stem
   std::optional<Mode> mode;  ///< overrides the file's
 };
 

@@ -33,18 +33,18 @@ enum class RefineProtocol : std::uint8_t {
 struct RefineOptions {
   RefineMethod method = RefineMethod::icp;
   RefineProtocol protocol = RefineProtocol::adaptive;
-  /// Of ICP: the share of the smaller cloud's points that has a counterpart, above 0 and up to 1. Empty:
+  /// For ICP: the share of the smaller cloud's points that has a counterpart, above 0 and up to 1. Empty:
   /// estimated (adaptive), 0.8 (official).
   std::optional<double> keep = {};
-  /// Of the adaptive protocol: where fewer points of either cloud have a counterpart at the start (as in
-  /// Refinement::overlap), there is nothing to refine on and the start is returned: clouds that only meet
-  /// would be pulled over one another. The same when the overlap is won on the way. 0 … 1; 0: never.
+  /// For the adaptive protocol: where Refinement::overlap_before is smaller, there is nothing to refine on
+  /// and the start is returned: clouds that only meet would be pulled over one another. The same when less
+  /// than half of the proposal's overlap was nearer than 2τ at the start. 0 … 1; 0: never.
   double least_overlap = 0.2;
-  /// 1 … 100,000; of transport, of each stage; empty: the protocol's.
+  /// 1 … 100,000, for transport in each stage; empty: the protocol's.
   std::optional<int> most_iterations = {};
-  /// Of motions that are only some of the rigid ones: takes what the method ended with to one of them, before
-  /// it is judged against the start, which should be one too. Several threads may call it at once. Empty:
-  /// every rigid motion will do.
+  /// Where only some rigid motions will do: takes what the method ended with to one of them, before it is
+  /// judged against the start, which should be one too. Several threads may call it at once. Empty: every
+  /// rigid motion will do.
   std::function<Pose(const Pose&)> within = {};
 };
 
@@ -65,13 +65,16 @@ struct Refinement {
   /// 1 − min(1, (d/τ)² + |n − n'|²), where d is the distance to the other cloud's nearest point and n, n' are
   /// the two points' unit normals, where both clouds have them. τ is three times the larger of the clouds'
   /// spacings, in clouds of N > 512 points times √(N/512).
-  double score_before = 0, score_after = 0;  ///< of the start, of the proposal
+  double score_before = 0, score_after = 0;  ///< the start's and the proposal's
 
   int iterations = 0;
-  bool converged = false;     ///< stopped before the most iterations
-  double overlap_before = 0;  ///< what least_overlap is compared with
-  double overlap = 0;  ///< share of source points nearer than τ to the reference, at the pose returned
-  std::optional<double> rmse;       ///< of their distances, in the clouds' units; empty when there is none
+  bool converged = false;  ///< stopped before the most iterations
+  /// A point has a counterpart where the other cloud's nearest point is nearer than τ and, where both clouds
+  /// have normals, turned by less than 60°. At the start: the share of a cloud's points that have one, of the
+  /// cloud where it is larger.
+  double overlap_before = 0;
+  double overlap = 0;               ///< share of the source's points with a counterpart, at the pose returned
+  std::optional<double> rmse;       ///< root mean square of their distances; empty when there is none
   double spacing = 0;               ///< the larger of the clouds' median distances between neighbours
   std::size_t workspace_bytes = 0;  ///< host memory taken beside the clouds: linear in their points
 };

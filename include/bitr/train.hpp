@@ -21,7 +21,7 @@ namespace bitr {
 
 enum class TrainLoss : std::uint8_t {
   official,  ///< the paper's, through the projection onto rotations
-  direct,    ///< of the head's numbers as they are, nothing projected: the one that learns
+  direct,    ///< on the head's numbers as they are, nothing projected: the one that learns
   robust,    ///< the same with the rotation's error not squared: rules medians, where `direct` rules means
 };
 
@@ -44,7 +44,7 @@ struct ScheduleOptions {
 /// same each time, with the averaged weights.
 struct ValidationOptions {
   std::size_t every = 500;   ///< steps; 0: never
-  std::size_t samples = 64;  ///< of each part
+  std::size_t samples = 64;  ///< from each part
   std::uint64_t seed = 1;
   std::vector<DataPart> parts = {};  ///< those of the training data if there are none; of files that are
                                      ///< not trained on, all are used
@@ -75,16 +75,16 @@ enum class ShapeSplit : std::uint8_t {
 struct TrainOptions {
   ModelConfig model = trainable_config();
   Mode mode = Mode::scale_exact;
-  std::uint64_t seed = 0;  ///< of the initial weights and of the order and crops of the data
+  std::uint64_t seed = 0;  ///< for the initial weights and for the order and crops of the data
   /// A model to start from instead; then `model` and `mode` are that file's.
   std::filesystem::path init = {};
   WidenOptions widen = {};  ///< with `init` only
   /// The key points' logits are larger by this at the start: they spread instead of meeting at the centroid.
-  /// Of weights that `init` does not give.
+  /// For weights that `init` does not give.
   double key_logit_scale = 6;
   /// The projections that end the extractor's layers are this times as large at the start. Features that grow
   /// from layer to layer saturate its attention: gradients of 1e3 … 1e7, and most seeds learn nothing.
-  /// Of weights that `init` does not give; 1: the official initialisation.
+  /// For weights that `init` does not give; 1: the official initialisation.
   double feature_scale = 0.3;
   TrainLoss loss = TrainLoss::direct;
   std::size_t steps = 20'000;
@@ -92,7 +92,7 @@ struct TrainOptions {
   std::size_t accumulate = 1;  ///< evaluations of one step
   OptimizerOptions optimizer = {};
   ScheduleOptions schedule = {};
-  double ema_decay = 0.999;  ///< of the averaged weights: min(this, (1 + n)/(10 + n)) at update n
+  double ema_decay = 0.999;  ///< the averaged weights' decay: min(this, (1 + n)/(10 + n)) at update n
   /// `split`, `normals`, `samples` and `seed` are the trainer's to set.
   DataOptions data = train_data();
   ShapeSplit split = ShapeSplit::automatic;
@@ -130,7 +130,7 @@ struct TrainFiles {
   std::filesystem::path curves() const;      ///< NAME.curves.svg
 };
 
-/// Of one part of the validation data.
+/// Errors on one part of the validation data.
 struct ValidationGroup {
   std::string name;  ///< "aircraft opposed 0.3-0.7"
   ErrorSummary errors;
@@ -145,7 +145,7 @@ struct ValidationResult {
 
 struct TrainProgress {
   std::size_t step = 0, steps = 0;
-  double loss = 0, rotation = 0, translation = 0, spread = 0;  ///< of the last step; NaN if it was skipped
+  double loss = 0, rotation = 0, translation = 0, spread = 0;  ///< the last step's; NaN if it was skipped
   double lr = 0, gradient_norm = 0;                            ///< before it was limited
   std::size_t skipped_steps = 0;    ///< whose gradient was not finite, since the run's beginning
   std::size_t skipped_samples = 0;  ///< that could not be drawn or used, since the run's beginning
@@ -168,7 +168,7 @@ struct TrainSummary {
   std::vector<SkippedShape> skipped_shapes;  ///< found out by this process
   std::optional<double> best_score;
   std::size_t best_step = 0;
-  double seconds = 0;  ///< of this process
+  double seconds = 0;  ///< spent by this process
 };
 
 /// Trains. With `resume` it goes on from the checkpoint if there is one; on the same backend the weights are

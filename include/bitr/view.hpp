@@ -13,7 +13,7 @@ namespace bitr {
 struct ViewOptions {
   std::string source_name = "source", reference_name = "reference";  ///< shown; any bytes
   std::string report = "{}";  ///< a JSON object that the page shows beside the clouds, whatever its keys
-  /// Of each cloud; larger ones are thinned evenly over their surface, and the page says so. Above 0.
+  /// Points shown of a cloud, above 0; larger ones are thinned evenly over the surface, and the page says so.
   std::size_t most_points = 200'000;
 };
 

@@ -14,11 +14,11 @@ namespace bitr::vk {
 
 /// What the application shares. All handles stay its own and must outlive every plan on the device.
 struct AdoptInfo {
-  PFN_vkGetInstanceProcAddr get_instance_proc_addr = nullptr;  ///< of the loader the instance came from
+  PFN_vkGetInstanceProcAddr get_instance_proc_addr = nullptr;  ///< from the loader the instance came from
   VkInstance instance = VK_NULL_HANDLE;                        ///< made for Vulkan 1.2 or later
   VkPhysicalDevice physical_device = VK_NULL_HANDLE;
   VkDevice device = VK_NULL_HANDLE;
-  VkQueue queue = VK_NULL_HANDLE;  ///< of a family with compute
+  VkQueue queue = VK_NULL_HANDLE;  ///< from a family with compute
   std::uint32_t queue_family = 0;
   /// The one feature that the library needs of the device; the application states that it enabled it.
   bool timeline_semaphore_enabled = false;
@@ -45,7 +45,7 @@ struct Bindings {
   std::uint32_t position_stride = 3;            ///< numbers from one point to the next, ≥ 3
   std::span<const std::uint32_t> source_sizes;  ///< points of every source
   std::span<const std::uint32_t> reference_sizes = {};  ///< points of every reference
-  BufferSlice poses;                               ///< f32[pairs, 16]: row-major 4×4, T_reference_source
+  BufferSlice poses;  ///< f32[pairs, 16]: row-major 4×4, T_reference_source
 };
 
 /// Records a forward pass over `bindings` into the application's command buffer, which is being recorded, on

@@ -13,7 +13,7 @@ const uint ZERO_VALUES = SKIP + OUT;
 const uint ROWS = ZERO_VALUES + OUT * HEADS;
 const uint VALUES = ROWS * Z;
 
-// Of the layer with per-cloud coefficients.
+// Sizes of the layer with per-cloud coefficients, and where its matrices begin.
 const uint FROM = C0 + 1;
 const uint OWN = C0 + C1;
 const uint LAYER_PATHS = OWN + 3;

@@ -1,9 +1,9 @@
-// Of the coefficients of cloud_layer.glsl. Needs d_coefficients[] and NUMBER(cloud, i): the cloud's appended scalars,
-// then its appended vectors.
+// What the gradient of cloud_layer.glsl's coefficients leads to. Needs d_coefficients[] and NUMBER(cloud, i): the
+// cloud's appended scalars, then its appended vectors.
 const uint NUMBERS = EXTRA + 3 * C1;
 const uint VECTORS = EXTRA;
 
-// Of a column of the condensed weights, whose last one is C0.
+// The gradient with respect to an entry of the condensed weights, whose last column is C0.
 float row_gradient(uint cloud, uint row, uint column) {
   const uint from = cloud * N4;
   if (row < ZERO_KEYS) {
@@ -23,7 +23,7 @@ float row_gradient(uint cloud, uint row, uint column) {
   return d_coefficients[from + OZ0 + (row - ZERO_VALUES) * FROM + column];
 }
 
-// Of a path of the values, `row` being output · HEADS + head.
+// The gradient with respect to a path of the values, `row` being output · HEADS + head.
 float value_gradient(uint cloud, uint row, uint path) {
   const uint at = cloud * N4 + O0 + row * LAYER_PATHS;
   if (path < OWN) return d_coefficients[at + path];

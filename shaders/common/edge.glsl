@@ -3,7 +3,7 @@ const float DIRECTION_EPS = 1e-12;
 
 struct Edge {
   vec3 direction;  // unit, in the order (y, z, x) of degree 1; zero where the length is zero
-  float square;    // of its norm: 1, but for edges shorter than DIRECTION_EPS
+  float square;    // the squared norm of `direction`: 1, but for edges shorter than DIRECTION_EPS
   bool zero;
 };
 

@@ -4,7 +4,7 @@
 struct Grid {
   vec3 origin;
   float cell;  // edge length
-  uint bits;   // of a cell's coordinate
+  uint bits;   // in a cell's coordinate
 };
 
 const uint CELLS_PER_POINT = 8;
@@ -32,5 +32,5 @@ uint level_nodes(uint blocks, uint level) { return (blocks + (1u << (3 * level))
 
 uint cloud_blocks(uint begin, uint end) { return (end - begin + BLOCK - 1) / BLOCK; }
 
-// Of the clouds before this one, whatever their sizes.
+// Past the nodes of the clouds before this one, whatever their sizes.
 uint first_node(uint begin, uint cloud) { return 2 * (begin / BLOCK + cloud) + 8 * cloud; }

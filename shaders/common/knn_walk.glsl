@@ -43,9 +43,10 @@ uvec4 candidate(uvec4 loaded, uint slot, int i) {
 #endif
 }
 
-// Of the cloud in slots begin … end − 1 with its tree's blocks from first_node on, into nearest and nearest_row, but for
-// the row `self`. First the blocks known[0] … known[1] − 1, which leaves the walk a short reach. With subgroups all but
-// the query and `self` is the same for a subgroup. False where it gave up: tens of thousands of points in reach.
+// The nearest in the cloud of slots begin … end − 1 with its tree's blocks from first_node on, into nearest and
+// nearest_row, but for the row `self`. First the blocks known[0] … known[1] − 1, which leaves the walk a short reach.
+// With subgroups all but the query and `self` is the same for a subgroup. False where it gave up: tens of thousands of
+// points in reach.
 bool find_nearest(vec3 query, uint self, uint begin, uint end, uint first_node, uvec2 known) {
   const uint blocks = cloud_blocks(begin, end);
   [[unroll]] for (int j = 0; j < NEAREST; ++j) {

@@ -13,7 +13,7 @@ struct Truth {
   vec3 t;
 };
 
-// Of an angle of a few turns. What devices have for it may be wrong in the third digit.
+// Cosine and sine of an angle of a few turns. What devices have for them may be wrong in the third digit.
 vec2 cos_sin(float angle) {
   const float quarters = round(angle * 0.63661977236758134);
   const float x = (angle - quarters * 1.57079637) + quarters * 4.3711388e-8, y = x * x;

@@ -23,12 +23,12 @@ layout(constant_id = 16) const int SEARCH = 6;       // tables have fewer than 2
 #define MESSAGES(d) (VALUES(d) + KEYS(d))
 #define DIM(d) PICK(d, 1, 3, 3, 9)
 
-// Of a row of features.
+// Where degrees begin in a row of features.
 const int FEATURE1 = IN0, FEATURE2 = FEATURE1 + 3 * IN1, FEATURE3 = FEATURE2 + 3 * IN2;
 const int FEATURE_STRIDE = (FEATURE3 + 9 * IN3 + 3) / 4 * 4;
 #define FEATURE(d) PICK(d, 0, FEATURE1, FEATURE2, FEATURE3)
 
-// Of an edge's messages: [values ; keys] by degree, channel, component.
+// Where degrees begin in an edge's messages: [values ; keys] by degree, channel, component.
 const int MESSAGE1 = VALUES0 + KEYS0, MESSAGE2 = MESSAGE1 + 3 * (VALUES1 + KEYS1);
 const int MESSAGE3 = MESSAGE2 + 3 * (VALUES2 + KEYS2);
 const int MESSAGE_COUNT = MESSAGE3 + 9 * (VALUES3 + KEYS3);

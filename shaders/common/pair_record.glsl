@@ -1,10 +1,11 @@
-// What the gradient of a two-sided layer keeps between its shaders. Of a node, by degree and component, channels padded
-// to vec4s: src/vk/pair_attention_gradient.cpp counts the same.
+// What the gradient of a two-sided layer keeps between its shaders. A node's record is by degree and component,
+// channels padded to vec4s: src/vk/pair_attention_gradient.cpp counts the same.
 #define PADDED(n) (((n) + 3) / 4 * 4)
 
-// Of an edge, an edge after the other. In its frames: features by component 4·a + b, a and b of 0 | 1 2 3, in vec4s of
-// channels, and the gradients of messages. Of a radial table: what multiplies its columns, its sector; then the two
-// lengths as one more table. Gradients of coefficients and of features, block by block, as the columns have them.
+// An edge's record, an edge after the other. In its frames: features by component 4·a + b, a and b of 0 | 1 2 3, in
+// vec4s of channels, and the gradients of messages. For every radial table: what multiplies its columns, its sector;
+// then the two lengths as one more table. Gradients of coefficients and of features, block by block, as the columns
+// have them.
 #define COMPONENT(a, b) (4 * (a) + (b))
 
 // Frequencies and components that a block couples on one side; from 1 to 1: the axis to the axis, then the identity and

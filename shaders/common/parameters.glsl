@@ -5,7 +5,7 @@
 
 struct KnnParameters {
   uint first_tile;
-  uint first_row;      // of the index tensor as bound
+  uint first_row;      // where the index tensor as bound begins
   uint first_reference;  // within the segment: one dispatch takes at most `references` of them
   uint references;
 };
@@ -13,7 +13,7 @@ struct KnnParameters {
 // Kernels with an invocation per point.
 struct PointParameters {
   uint first_tile;
-  uint first_row;  // of the tensors that are bound in part
+  uint first_row;  // where the tensors that are bound in part begin
 };
 
 struct CloudParameters {
@@ -61,7 +61,7 @@ struct NeighbourAttentionParameters {
 struct PointGradientParameters {
   uint first_tile;
   uint tiles;
-  uint first_row;  // of the run's rows as bound
+  uint first_row;  // where the run's rows as bound begin
 };
 
 // A run of edges.
@@ -73,28 +73,28 @@ struct EdgeParameters {
 // What edges send to their neighbours, summed up.
 struct GatherParameters {
   uint first_tile;
-  uint first_row;   // of the rows' records as bound
-  uint first_edge;  // of the edges' as bound
+  uint first_row;   // where the rows' records as bound begin
+  uint first_edge;  // where the edges' as bound begin
 };
 
 // Sums of outer products over the tiles of a run, and over tiles.
 struct OuterParameters {
   uint first_tile;
-  uint first_row;  // of the rows' records as bound
+  uint first_row;  // where the rows' records as bound begin
   uint jobs;
 };
 struct OuterTotalParameters {
   uint tiles;
   uint jobs;
   uint first_segment;
-  uint begin;  // of the first number in the result
+  uint begin;  // where the first number goes in the result
 };
 
 // A run of edges of the two-sided graph, where a layer's gradient is made.
 struct PairGradientParameters {
   uint first_node;
   uint edges;
-  uint first_block;  // of the parts of the kernel that a dispatch takes
+  uint first_block;  // among the parts of the kernel, of which a dispatch takes some
   uint add;          // 1: to what earlier runs left
 };
 
@@ -119,7 +119,7 @@ struct RowSumParameters {
 struct SinkhornParameters {
   uint first;      // tile, or plan, of the first work group
   uint iteration;  // from 1; the last one, where that is over
-  uint rows;       // of all points
+  uint rows;       // as many as all points
 };
 
 #endif

@@ -47,7 +47,7 @@ const int COEFFICIENT_STRIDE = (OZ0 + OUT0 * HEADS * Z0 + 3) / 4 * 4;
 const int F4 = (C0 + 3 * C1 + 3) / 4;
 const int R4 = (OUT0 + 3 * OUT1 + 3) / 4;
 
-// Of a row's record, in vec4s; vectors component by component. src/vk/point_attention_gradient.cpp counts the same.
+// A row's record, in vec4s; vectors component by component. src/vk/point_attention_gradient.cpp counts the same.
 #define QUADS(n) (((n) + 3) / 4)
 const int GIVEN0 = 0;                                         // gradient before the ReLU
 const int GIVEN1 = GIVEN0 + QUADS(OUT0);

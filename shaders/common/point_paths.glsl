@@ -1,7 +1,7 @@
 // The paths of an edge of a one-sided layer (common/point_layer.glsl), and how they meet the queries. Needs Features
 // (common/texels.glsl), common/point_weights.glsl, tiles[], record[], p.
 
-// Of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
+// Factors of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
 const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
 
 #define SCALAR(f, c) f[c]

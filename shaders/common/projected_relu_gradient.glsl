@@ -1,6 +1,6 @@
-// Of the projected ReLU of one vector (projected_relu.glsl), for what it made.
+// The gradient of the projected ReLU of one vector (projected_relu.glsl), from that of what it made.
 struct ReluGradient {
-  vec3 x, mixed;  // of the vector, its normal held; of the normal
+  vec3 x, mixed;  // with respect to the vector, its normal held; to the normal
 };
 
 ReluGradient projected_relu_gradient(vec3 x, vec3 mixed, vec3 given, bool square) {

@@ -14,7 +14,7 @@ const float NEGLIGIBLE = 40;
 
 struct Term {
   float coarse, rest;
-  float change;  // of the other side's potential
+  float change;  // the change of the other side's potential
   vec3 away, turned;  // y − x
 };
 
@@ -51,7 +51,7 @@ Loaded candidate(Loaded loaded, uint row, uint potentials_from, int i) {
 #endif
 }
 
-// Of the point at (position, normal) and the i-th row of a batch; nothing of a row past the last.
+// The term of the point at (position, normal) and the i-th row of a batch; a row past the last adds nothing.
 Term term_of(vec3 position, vec3 normal, Loaded loaded, uint base, uint end, uint potentials_from, int i) {
   const Loaded other = candidate(loaded, min(base + i, end - 1), potentials_from, i);
   Term term;

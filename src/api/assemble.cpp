@@ -21,7 +21,7 @@ double rotation_gap(const RawPose& raw) {
   return s1 > 0 ? (s2 + (raw.determinant > 0 ? s3 : -s3)) / s1 : 0;
 }
 
-void judge(const RawPose& raw, Assembly& assembly) {
+void diagnose(const RawPose& raw, Assembly& assembly) {
   Diagnostics& d = assembly.diagnostics;
   d.singular_values = raw.singular_values;
   const auto [s1, s2, s3] = raw.singular_values;
@@ -134,7 +134,7 @@ Result<std::vector<Assembly>> assemble_checked(Plan::Impl& impl, std::span<const
         uncentred(pose, pass->batch.centroids[i], pass->batch.centroids[pairs.size() + i]);
     assembly.source_key_points = key_points(pass->key_points, pass->batch, i);
     assembly.reference_key_points = key_points(pass->key_points, pass->batch, pairs.size() + i);
-    judge(*doubtful, assembly);
+    diagnose(*doubtful, assembly);
     if (assembly.status == Status::failed) {
       assembly.T_reference_source.rotation.fill(std::nan(""));
       assembly.T_reference_source.translation.fill(std::nan(""));

@@ -14,15 +14,6 @@
 namespace bitr {
 namespace {
 
-// Largest difference over the largest entry, as the operations' headers state it.
-double allowed_difference(const ops::Op& op) {
-  if (std::holds_alternative<ops::InputFeatures>(op)) return 0;
-  if (std::holds_alternative<ops::CloudCoefficients>(op)) return 1e-6;
-  if (std::holds_alternative<ops::PairAttention>(op)) return 5e-5;
-  if (std::holds_alternative<ops::ProjectPose>(op)) return 1e-4;  // of a well determined rotation
-  return 2e-5;
-}
-
 // A tensor's numbers, tight. Inputs are rounded to float, so that every arithmetic reads the same ones.
 struct Values {
   std::vector<float> inputs;
@@ -154,7 +145,7 @@ class Operations {
   void check(std::vector<Check>& checks) {
     std::size_t broken_guards = 0;
     for (const graph::Node& node : truth_.graph().nodes) {
-      Check check{"operation " + node.name, 0, allowed_difference(node.op), ""};
+      Check check{"operation " + node.name, 0, ops::float_error(node.op), ""};
       try {
         measure(node, check, broken_guards);
       } catch (const Failure& failure) {

@@ -11,9 +11,9 @@
 namespace bitr {
 namespace {
 
-constexpr double allowed_degrees = 0.05;      // of single precision, on well determined rotations
+constexpr double allowed_degrees = 0.05;      // error of single precision on well determined rotations
 constexpr double allowed_translation = 1e-3;  // over the clouds' size and the translation itself
-constexpr double least_gap = 0.3;             // of a well determined rotation
+constexpr double least_gap = 0.3;             // that makes a rotation well determined
 
 std::vector<Assembly> solve(Plan& plan, const std::vector<RandomPair>& pairs) {
   std::vector<CloudPair> views;

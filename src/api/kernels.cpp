@@ -28,8 +28,8 @@ using graph::ElementKind;
 using graph::Rows;
 using Index = std::span<const std::uint32_t>;
 
-constexpr int most_neighbours = 64;
-constexpr std::size_t most_rows = std::numeric_limits<std::uint32_t>::max() / most_neighbours;
+constexpr int most_neighbors = 64;
+constexpr std::size_t most_rows = std::numeric_limits<std::uint32_t>::max() / most_neighbors;
 
 std::size_t size(int x) { return static_cast<std::size_t>(x); }
 
@@ -68,8 +68,12 @@ void check_index(Index index, std::size_t rows) {
 
 // Inputs are added in the order in which a run gets them, then the result.
 graph::TensorId add(graph::Graph& graph, const char* name, Rows rows, int per_row, int width) {
-  return graph.add(
-      {.name = name, .rows = rows, .per_row = per_row, .width = width, .kind = ElementKind::real, .fiber = {}});
+  return graph.add({.name = name,
+                    .rows = rows,
+                    .per_row = per_row,
+                    .width = width,
+                    .kind = ElementKind::real,
+                    .fiber = {}});
 }
 
 graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
@@ -107,7 +111,7 @@ struct Kept : KeptKernel::Impl {
   }
 };
 
-// Of a kept kernel.
+// Runs a kept kernel; what it throws becomes the result.
 template <class T, class Shape, class Body>
 Result<void> run_kept(KeptKernel::Impl& impl, Body body) {
   return guarded([&]() -> Result<void> {
@@ -130,11 +134,11 @@ Result<std::vector<Number>> once(Result<Kernel> kernel, Size numbers, Run run) {
 // ---- Nearest neighbours
 
 void check(const KnnShape& shape) {
-  check_range("k", shape.k, 1, most_neighbours);
+  check_range("k", shape.k, 1, most_neighbors);
   check_range("dim", shape.dim, 1, 8);
 }
 
-// Of points among themselves, and of queries among references.
+// Two graphs: points among themselves, and queries among references.
 std::vector<graph::Graph> graphs_of(const KnnShape& shape) {
   graph::Graph own, asked;
   const auto points = add(own, "points", Rows::point, 1, shape.dim);
@@ -203,7 +207,7 @@ void search(Kept<T, KnnShape>& kept, const Segments<T>* queries, const Segments<
 
 void check(const CgProductShape& shape) {
   check_range("channels", shape.channels, 1, 1024);
-  check_range("k", shape.k, 0, most_neighbours);
+  check_range("k", shape.k, 0, most_neighbors);
   const auto side = [](const std::string& name, int a, int b, int out) {
     check_range((name + " of a").c_str(), a, 0, 2);
     check_range((name + " of b").c_str(), b, 0, 2);
@@ -233,12 +237,7 @@ std::vector<graph::Graph> graphs_of(const CgProductShape& shape) {
   if (edges) inputs.push_back(add_index(graph, rows, shape.k));
   const auto out = add(graph, "out", rows, per_row, widths.out);
   return {finished(std::move(graph),
-                   ops::CgProduct{{shape.a.p, shape.a.q},
-                                  {shape.b.p, shape.b.q},
-                                  {shape.out.p, shape.out.q},
-                                  shape.channels,
-                                  shape.shared_b},
-                   inputs, out)};
+                   ops::CgProduct{shape.a, shape.b, shape.out, shape.channels, shape.shared_b}, inputs, out)};
 }
 
 template <class T>
@@ -263,7 +262,7 @@ void check(const AttentionShape& shape) {
   check_range("heads", shape.heads, 1, 64);
   check_range("key_width", shape.key_width, 1, 1024);
   check_range("value_width", shape.value_width, 1, 1024);
-  check_range("k", shape.k, 1, most_neighbours);
+  check_range("k", shape.k, 1, most_neighbors);
   if (!std::isfinite(shape.scale)) refuse("scale is " + std::to_string(shape.scale) + ", must be finite");
 }
 

@@ -12,7 +12,7 @@ namespace {
 // right from wrong on the test split, is in docs/confidence.md; bench/calibrate.py fits them.
 struct Term {
   double weight = 0;
-  double usual = 0;  ///< of right poses
+  double usual = 0;  ///< the value that right poses usually have
 };
 
 struct Calibration {
@@ -63,7 +63,7 @@ std::string text(const char* format, Values... values) {
 
 }  // namespace
 
-Confidence judged(const Evidence& evidence) {
+Confidence confidence_in(const Evidence& evidence) {
   const Calibration& c = !evidence.rotation_spread ? of_fit : evidence.refined_by ? of_refined : of_network;
   double log_odds = c.bias;
   std::vector<std::pair<double, std::string>> effects;

@@ -6,6 +6,6 @@
 namespace bitr::confidence {
 
 /// value and reasons of a pose with that evidence.
-Confidence judged(const Evidence& evidence);
+Confidence confidence_in(const Evidence& evidence);
 
 }  // namespace bitr::confidence

@@ -30,14 +30,14 @@ Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<cons
       }
       Evidence evidence = confidence::evidence_of_fit(pairs[i], poses[i], workers);
       if (!network.empty() && network[i]) {
-        const NetworkEvidence& answer = *network[i];
-        evidence.rotation_gap = answer.rotation_gap;
-        evidence.rotation_spread = answer.rotation_spread;
-        evidence.translation_spread = answer.translation_spread;
-        if (answer.T_reference_source.matrix() != poses[i].matrix())
-          evidence.refined_by = rotation_error_degrees(poses[i], answer.T_reference_source);
+        const NetworkEvidence& said = *network[i];
+        evidence.rotation_gap = said.rotation_gap;
+        evidence.rotation_spread = said.rotation_spread;
+        evidence.translation_spread = said.translation_spread;
+        if (said.T_reference_source.matrix() != poses[i].matrix())
+          evidence.refined_by = rotation_error_degrees(poses[i], said.T_reference_source);
       }
-      judged[i] = confidence::judged(evidence);
+      judged[i] = confidence::confidence_in(evidence);
       if (evidence.rotation_gap && *evidence.rotation_gap < least_rotation_gap) {
         judged[i].value = 0;
         judged[i].reasons.emplace(judged[i].reasons.begin(), "the rotation is not determined");

@@ -16,7 +16,7 @@ namespace {
 // A point whose neighbours lie to one side by this share of their mean distance ends the surface: on a
 // straight rim it is 2/π, inside 0.
 constexpr double least_one_sided = 0.45;
-constexpr std::size_t most_neighbours = Search::most_wanted;
+constexpr std::size_t most_neighbors = Search::most_wanted;
 constexpr double rim_reach = 2;      // in truncation lengths
 constexpr double least_depth = 0.6;  // in truncation lengths
 constexpr double least_below = 0.8;  // cosine to the surface's inward normal
@@ -41,7 +41,7 @@ std::vector<char> rim_of(const Surface& surface, const Workers& workers) {
     }
     rim[i] = std::sqrt(dot(sum, sum)) > least_one_sided * distances;
   };
-  find({surface.points, surface.tree, &surface, surface.some.size(), most_neighbours,
+  find({surface.points, surface.tree, &surface, surface.some.size(), most_neighbors,
         [&](std::size_t i) { return surface.points[surface.some[i]]; }, take},
        workers);
   return rim;

@@ -7,7 +7,7 @@
 
 namespace bitr::confidence {
 
-/// Of a finite pose of clouds with at least 3 points; what comes from a network stays empty.
+/// Needs a finite pose and clouds with at least 3 points; what comes from a network stays empty.
 Evidence evidence_of_fit(const CloudPair& pair, const Pose& T_reference_source,
                          const refine::Workers& workers);
 

@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "api/plan.hpp"
-#include "confidence/answers.hpp"
+#include "confidence/ensemble.hpp"
 #include "core/centroid.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
@@ -56,8 +56,8 @@ PointCloud ordered(const CloudView& cloud) {
 struct Parted {
   std::size_t pair = 0;
   PointCloud source, reference;
-  std::size_t source_points = 0, reference_points = 0;  ///< of its parts
-  confidence::Answers answers;
+  std::size_t source_points = 0, reference_points = 0;  ///< in each of its parts
+  confidence::Ensemble ensemble;
 };
 
 }  // namespace
@@ -74,21 +74,21 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
     // What the plan tells of its last assemble() is the caller's.
     Plan::Impl& impl = plan.impl();
     auto told = std::tie(impl.timings, impl.profile, impl.passes, impl.began);
-    const std::tuple kept = {impl.timings, impl.profile, impl.passes, impl.began};
+    const std::tuple before = {impl.timings, impl.profile, impl.passes, impl.began};
     std::vector<Parted> parted;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto source = part_size(pairs[i].source, plan.model(), options),
                  reference = part_size(pairs[i].reference, plan.model(), options);
       if (assemblies[i].status == Status::failed || !source || !reference) continue;
       parted.push_back({i, ordered(pairs[i].source), ordered(pairs[i].reference), *source, *reference,
-                        confidence::Answers(pairs[i])});
-      parted.back().answers.add(assemblies[i]);
+                        confidence::Ensemble(pairs[i])});
+      parted.back().ensemble.add(assemblies[i]);
     }
-    for (int answer = 0; answer < options.answers; ++answer) {
-      // By two seeds: points that are in both clouds must not stay partners. The next answer exchanges them,
+    for (int member = 0; member < options.answers; ++member) {
+      // By two seeds: points that are in both clouds must not stay partners. The next member exchanges them,
       // or swapped clouds would not be asked the same.
-      const std::uint64_t first = options.seed + static_cast<std::uint64_t>(answer),
-                          second = answer % 2 == 0 ? first + 1 : first - 1;
+      const std::uint64_t first = options.seed + static_cast<std::uint64_t>(member),
+                          second = member % 2 == 0 ? first + 1 : first - 1;
       std::vector<PointCloud> parts;
       for (const Parted& of : parted) {
         parts.push_back(io::subsample(of.source, of.source_points, first));
@@ -96,12 +96,12 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
       }
       std::vector<CloudPair> part_pairs;
       for (std::size_t i = 0; i < parted.size(); ++i) part_pairs.push_back({parts[2 * i], parts[2 * i + 1]});
-      const auto answers = value_or_throw(assemble(plan, part_pairs, {.diagnostics = false}));
-      for (std::size_t i = 0; i < parted.size(); ++i) parted[i].answers.add(answers[i]);
+      const auto members = value_or_throw(assemble(plan, part_pairs, {.diagnostics = false}));
+      for (std::size_t i = 0; i < parted.size(); ++i) parted[i].ensemble.add(members[i]);
     }
     Found found(pairs.size());
-    for (const Parted& of : parted) found[of.pair] = of.answers.together();
-    told = kept;
+    for (const Parted& of : parted) found[of.pair] = of.ensemble.together();
+    told = before;
     return found;
   });
 }

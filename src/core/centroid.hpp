@@ -5,7 +5,7 @@
 
 namespace bitr {
 
-/// Of at least one point.
+/// There must be at least one point.
 inline Vec3d centroid_of(const Vec3View& positions) {
   // About the first point, so that large coordinates keep their digits.
   const Vec3d first = positions[0];

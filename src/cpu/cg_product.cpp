@@ -7,7 +7,7 @@
 namespace bitr::cpu {
 namespace {
 
-constexpr int most_components = 25;  // of degree (2, 2)
+constexpr int most_components = 25;  // as many as degree (2, 2) has
 
 template <class T>
 class CgProductKernel : public Kernel<T> {

@@ -19,7 +19,7 @@ MatrixXd expand(const MatrixXd& d_condensed, const MatrixXd& full, int own, cons
   return d_full;
 }
 
-// Of one cloud's coefficients.
+// What the gradient of one cloud's coefficients leads to.
 struct CloudGradient {
   ops::CloudCoefficients constants;
   VectorXd scalars;
@@ -92,7 +92,7 @@ class CloudCoefficientsGradient : public Kernel<T> {
                      M = condense(M_full, c0, scalars), Mz = condense(Mz_full, c0, scalars);
       const MatrixXd gM_h = gM.middleRows(h * n, n), gO_h = gO.middleCols(h * n, n);
       const VectorXd last_row = gMz.row(h * z + c0), last_column = gOz.col(h * z + c0),
-                     bias = gS.col(c0) - last_column;  // of O · constant
+                     bias = gS.col(c0) - last_column;  // the gradient of O · constant
 
       const MatrixXd dM = path.transpose() * gM_h - constant * last_row.transpose();
       MatrixXd dMz(z_full, z);

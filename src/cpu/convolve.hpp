@@ -71,7 +71,7 @@ struct ConvolveBlock {
   SideKernel<T> first, second;
   int in_offset, out_offset;
 
-  /// Of both sides; a one-sided convolution's second kernel is 1.
+  /// The kernels of both sides; a one-sided convolution's second one is 1.
   void kernels(const Harmonics<T>& first_side, const Harmonics<T>* second_side, Matrices& a,
                Matrices& b) const {
     first.evaluate(first_side, a);

@@ -45,7 +45,7 @@ class ConvolveGradient : public Kernel<T> {
     ops::Convolve constants = sum_constants(args, op_.op, rows, at_least, body);
     store_constants<T>(slots.constants(), constants);
     if (const Slot* to = slots.grad_input(features_input))
-      scatter_to_neighbours(args, index, edges.data(), *to);
+      scatter_to_neighbors(args, index, edges.data(), *to);
   }
 
  private:
@@ -84,11 +84,11 @@ class ConvolveGradient : public Kernel<T> {
                 .d_harmonics = std::vector<Harmonics<double>>(sides * count, Harmonics<double>::Zero())};
     for (std::size_t i = 0; i < sides * count; ++i)
       edges.harmonics.push_back(edge_harmonics(edges.directions.data() + 3 * i));
-    Matrix neighbours(features.width, count);
-    for (std::size_t e = 0; e < count; ++e) neighbours.col(e) = load(features, index[e], 1);
+    Matrix neighbors(features.width, count);
+    for (std::size_t e = 0; e < count; ++e) neighbors.col(e) = load(features, index[e], 1);
 
     std::size_t i = 0;
-    for (const Block& block : blocks_) run_block(block, neighbours, constants.blocks[i++], edges);
+    for (const Block& block : blocks_) run_block(block, neighbors, constants.blocks[i++], edges);
 
     if (!edge_features.empty()) store(edges.d_features, e0, edge_features.data());
     if (const Slot* to = slots.grad_input(lengths_input)) store(edges.d_lengths, e0, to->as<T>());
@@ -101,7 +101,7 @@ class ConvolveGradient : public Kernel<T> {
     }
   }
 
-  void run_block(const Block& block, const Matrix& neighbours, const ops::RadialBlock& constants,
+  void run_block(const Block& block, const Matrix& neighbors, const ops::RadialBlock& constants,
                  Edges& edges) const {
     const ops::RadialBlock& r = block.radial;
     const std::size_t sides = op_.op.sides;
@@ -111,7 +111,7 @@ class ConvolveGradient : public Kernel<T> {
     for (Eigen::Index e = 0; e < radial.cols(); ++e) {
       const auto *one = &edges.harmonics[e * sides], *two = sides == 2 ? one + 1 : nullptr;
       block.kernels(*one, two, first, second);
-      const double* feature = neighbours.col(e).data() + block.in_offset;
+      const double* feature = neighbors.col(e).data() + block.in_offset;
       block.turn(first, second, feature, turned);
       const Eigen::Map<const Matrix> weights(radial.col(e).data(), turned.cols(), r.out_channels);
       const Eigen::Map<const Matrix> out(edges.grad_output.col(e).data() + block.out_offset, r.out.dim(),

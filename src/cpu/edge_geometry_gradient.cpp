@@ -17,7 +17,7 @@ class EdgeGeometryGradient : public Kernel<T> {
     const GradientSlots<ops::EdgeGeometry> slots{op_, args};
     const Slot& index = slots.in(2);
     const std::size_t k = index.per_row, width = 3 * op_.op.sides;
-    // Of each edge's start: minus that of its difference.
+    // The gradient with respect to each edge's start: minus that of its difference.
     std::vector<T> starts(args.rows(index) * k * width);
     args.pool.parallel_for(args.rows(index), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t row = begin; row < end; ++row) {
@@ -32,7 +32,7 @@ class EdgeGeometryGradient : public Kernel<T> {
           Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 1>>(to->as<T>() + row * width, width) = sum;
       }
     });
-    if (const Slot* to = slots.grad_input(1)) scatter_to_neighbours(args, index, starts.data(), *to);
+    if (const Slot* to = slots.grad_input(1)) scatter_to_neighbors(args, index, starts.data(), *to);
   }
 
  private:

@@ -3,6 +3,8 @@
 #include <chrono>
 #include <cstdint>
 
+#include "core/aligned.hpp"
+
 namespace bitr::cpu {
 namespace {
 
@@ -51,7 +53,7 @@ void Executor<T>::prepare(const graph::BatchLayout& layout) {
     arena_bytes_ = needed;
   }
   auto base = reinterpret_cast<std::uintptr_t>(arena_.get());
-  base = (base + graph::arena_alignment - 1) / graph::arena_alignment * graph::arena_alignment;
+  base = aligned(base, graph::arena_alignment);
   for (std::size_t i = 0; i < slots_.size(); ++i)
     slots_[i].data = reinterpret_cast<void*>(base + plan.offset[i]);
 }

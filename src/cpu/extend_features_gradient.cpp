@@ -36,7 +36,7 @@ class ExtendFeaturesGradient : public Kernel<T> {
     return Eigen::Map<Eigen::Array<T, Eigen::Dynamic, 1>>(slot.as<T>() + i * slot.stride(), slot.width);
   }
 
-  // Of the extended features' gradient, a column per cloud.
+  // The extended features' gradient summed over each cloud, a column per cloud.
   static Eigen::ArrayXXd cloud_sums(const GradientSlots<ops::ExtendFeatures>& slots,
                                     const std::vector<CloudChunk>& chunks) {
     const int width = slots.out(0).width;

@@ -86,7 +86,7 @@ class HeadGradient : public Kernel<T> {
       rows_of(slots, *to, pair) = d_features.template cast<T>();
   }
 
-  // Of out = mix · Σ weight F, one degree.
+  // Differentiates out = mix · Σ weight F of one degree.
   void reduce_gradient(const RowMatrixXd& features, irreps::Degree d, const VectorXd& weight,
                        const Eigen::RowVectorXd& mix, const VectorXd& d_out, RowMatrixXd& d_features,
                        MatrixXd& d_weights, int column, Eigen::RowVectorXd& d_mix) const {

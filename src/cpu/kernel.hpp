@@ -11,10 +11,11 @@
 
 namespace bitr::cpu {
 
-/// Eight edges, or eight points, at once.
+/// Eight edges, or eight points, at once; other widths where a row's edges are as many. Kernels that exchange
+/// numbers between lanes, or keep many rows in registers, have cpu/pack.hpp instead.
 constexpr int lane_count = 8;
-template <class T>
-using Lanes = Eigen::Array<T, lane_count, 1>;
+template <class T, int count = lane_count>
+using Lanes = Eigen::Array<T, count, 1>;
 template <class T>
 using RowMatrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 

@@ -95,7 +95,7 @@ Terms unprojected(ops::LossKind kind, const Eigen::Matrix<double, ops::piece_cou
   return {rotation.value, distance};
 }
 
-// Of one cloud; keys: 3 × K. The gradient is added to, of the keys' shape.
+// One cloud's spread; keys: 3 × K. `gradient`, of the keys' shape, is added to.
 double spread(const Eigen::Matrix3Xd& keys, Eigen::Matrix3Xd* gradient) {
   double sum = 0;
   const double share = -ops::spread_weight / static_cast<double>(keys.cols() * keys.cols());

@@ -46,7 +46,7 @@ class MeanDirectionKernel : public Kernel<T> {
     T sum[3] = {};
     bool distinct = true;
     for (int j = 0; j < k; ++j) {
-      const T* at = in.neighbours + 3 * std::size_t{in.index[row * k + j]};
+      const T* at = in.neighbors + 3 * std::size_t{in.index[row * k + j]};
       const T d[3] = {centre[1] - at[1], centre[2] - at[2], centre[0] - at[0]};
       const T square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
       distinct = distinct && square > 0;

@@ -4,7 +4,7 @@
 namespace bitr::cpu {
 namespace {
 
-// Of `general` on the constant feature, which the layer is.
+// The layer is `general` on the constant feature, and so is its gradient.
 template <class T>
 class MeanDirectionGradient : public Kernel<T> {
  public:

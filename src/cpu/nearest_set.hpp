@@ -13,7 +13,7 @@
 
 namespace bitr::cpu {
 
-/// Of equally far points the first comes first.
+/// The first of equally far points comes first.
 template <class T>
 struct Candidate {
   T distance = 0;
@@ -137,7 +137,7 @@ class NearestSet {
 template <class T>
 class RecentQueries {
  public:
-  /// Of squares; infinite without queries.
+  /// Bound on the squared distance from p to its k-th neighbour; infinite without queries.
   T bound(const T* p) const {
     const Row squares = (x_ - p[0]).square() + (y_ - p[1]).square() + (z_ - p[2]).square();
     T least = std::numeric_limits<T>::infinity();
@@ -153,7 +153,7 @@ class RecentQueries {
 
  private:
   static constexpr int count = 16;
-  using Row = Eigen::Array<T, count, 1>;
+  using Row = Lanes<T, count>;
   Row x_ = Row::Zero(), y_ = Row::Zero(), z_ = Row::Zero();
   Row radius_ = Row::Constant(std::numeric_limits<T>::infinity());
   int next_ = 0;

@@ -5,7 +5,7 @@
 namespace bitr::cpu {
 namespace {
 
-constexpr int most_neighbours = 64;
+constexpr int most_neighbors = 64;
 
 // In an order that depends on the width alone, not on where the rows lie in memory.
 template <class T>
@@ -47,7 +47,7 @@ class NeighbourAttentionKernel : public Kernel<T> {
   }
 
  private:
-  using Weights = Eigen::Array<T, Eigen::Dynamic, 1, 0, most_neighbours, 1>;
+  using Weights = Eigen::Array<T, Eigen::Dynamic, 1, 0, most_neighbors, 1>;
 
   template <class Value>
   static void aggregate(const Weights& weights, int width, T* out, Value value) {

@@ -9,9 +9,9 @@ namespace bitr::cpu {
 
 /// edges: T[edges of `index`, stride of `to`]. Overwrites `to`.
 template <class T>
-void scatter_to_neighbours(const Arguments& args, const Slot& index, const T* edges, const Slot& to) {
+void scatter_to_neighbors(const Arguments& args, const Slot& index, const T* edges, const Slot& to) {
   const std::size_t k = index.per_row, width = to.stride();
-  const auto* neighbour = index.as<std::uint32_t>();
+  const auto* neighbor = index.as<std::uint32_t>();
   T* out = to.as<T>();
   std::fill_n(out, args.rows(to) * width, T{0});
   // A segment's edges lead to its own rows only.
@@ -19,7 +19,7 @@ void scatter_to_neighbours(const Arguments& args, const Slot& index, const T* ed
     const std::size_t begin = args.layout.begin(index.rows, static_cast<std::uint32_t>(first)) * k,
                       end = args.layout.begin(index.rows, static_cast<std::uint32_t>(last)) * k;
     for (std::size_t e = begin; e < end; ++e)
-      for (std::size_t i = 0; i < width; ++i) out[neighbour[e] * width + i] += edges[e * width + i];
+      for (std::size_t i = 0; i < width; ++i) out[neighbor[e] * width + i] += edges[e * width + i];
   });
 }
 

@@ -88,7 +88,7 @@ struct PairConstants {
 template <class T, int Width>
 class PairRow {
  public:
-  using Edges = Eigen::Array<T, Width, 1>;
+  using Edges = Lanes<T, Width>;
 
   PairRow(const PairConstants<T>& prepared, int k)
       : p_(prepared),
@@ -102,10 +102,10 @@ class PairRow {
         sum_(p_.op.value_fiber.size()),
         result_(p_.op.fiber_out.size()) {}
 
-  void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row,
+  void evaluate(const T* features, const std::uint32_t* neighbors, const T* positions, std::size_t row,
                 T* out) {
     const T* own = features + row * feature_.size();
-    gather(features, neighbours, positions, row);
+    gather(features, neighbors, positions, row);
     messages();
     attend(own);
     project(own, result_.data());
@@ -132,7 +132,7 @@ class PairRow {
     turn(p_.messages, frame_, message_.data(), false);
   }
 
-  void gather(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row) {
+  void gather(const T* features, const std::uint32_t* neighbors, const T* positions, std::size_t row) {
     const T* centre = positions + 6 * row;
     Edges d[2][3];
     for (auto& side : d)
@@ -142,10 +142,10 @@ class PairRow {
       for (Edges& c : coefficient_) c.setZero();
     }
     for (int j = 0; j < k_; ++j) {
-      const T* at = positions + 6 * std::size_t{neighbours[j]};
+      const T* at = positions + 6 * std::size_t{neighbors[j]};
       for (int s = 0; s < 2; ++s)
         for (int a = 0; a < 3; ++a) d[s][a][j] = centre[3 * s + (a + 1) % 3] - at[3 * s + (a + 1) % 3];
-      const T* f = features + neighbours[j] * feature_.size();
+      const T* f = features + neighbors[j] * feature_.size();
       for (std::size_t c = 0; c < feature_.size(); ++c) feature_[c][j] = f[c];
     }
     for (int s = 0; s < 2; ++s) {

@@ -61,8 +61,8 @@ void add_torque(const Fiber& fiber, int side, const Edges* a, const Edges* b, Ed
 
 template <class T>
 struct RowGradients {
-  T* features = nullptr;   // of all rows; nullptr: not wanted
-  T* positions = nullptr;  // of all rows; nullptr: not wanted
+  T* features = nullptr;   // all rows'; nullptr: not wanted
+  T* positions = nullptr;  // all rows'; nullptr: not wanted
   T* constants;            // ConstantPlaces::count
 };
 
@@ -87,11 +87,11 @@ class PairGradientRow : private PairRow<T, Width> {
         d_own_(this->feature_.size()) {}
 
   /// d_out: of this row's result.
-  void evaluate(const T* features, const std::uint32_t* neighbours, const T* positions, std::size_t row,
+  void evaluate(const T* features, const std::uint32_t* neighbors, const T* positions, std::size_t row,
                 const T* d_out, const RowGradients<T>& to) {
     const std::size_t stride = this->feature_.size();
     const T* own = features + row * stride;
-    Base::gather(features, neighbours, positions, row);
+    Base::gather(features, neighbors, positions, row);
     Base::messages();
     Base::attend(own);
     std::copy_n(d_out, d_out_.size(), d_out_.begin());
@@ -106,12 +106,12 @@ class PairGradientRow : private PairRow<T, Width> {
     turn(p_.messages, this->frame_, d_message_.data(), true);
     kernels();
     coefficients(to);
-    if (to.positions) move_points(neighbours, row, to.positions);
+    if (to.positions) move_points(neighbors, row, to.positions);
     if (!to.features) return;
     turn(p_.op.fiber_in, this->frame_, d_feature_.data(), false);
     for (int j = 0; j < this->k_; ++j) {
-      T* neighbour = to.features + neighbours[j] * stride;
-      for (std::size_t c = 0; c < stride; ++c) neighbour[c] += d_feature_[c][j];
+      T* neighbor = to.features + neighbors[j] * stride;
+      for (std::size_t c = 0; c < stride; ++c) neighbor[c] += d_feature_[c][j];
     }
     for (std::size_t c = 0; c < stride; ++c) to.features[row * stride + c] += d_own_[c];
   }
@@ -234,7 +234,7 @@ class PairGradientRow : private PairRow<T, Width> {
   }
 
   // An edge's vector turns its frame and changes its lengths.
-  void move_points(const std::uint32_t* neighbours, std::size_t row, T* d_positions) {
+  void move_points(const std::uint32_t* neighbors, std::size_t row, T* d_positions) {
     for (int s = 0; s < 2; ++s) {
       Edges turned[3];
       for (Edges& t : turned) t.setZero();
@@ -250,7 +250,7 @@ class PairGradientRow : private PairRow<T, Width> {
         for (int a = 0; a < 3; ++a) {
           const std::size_t component = 3 * s + (a + 1) % 3;
           d_positions[6 * row + component] += d[a][j];
-          d_positions[6 * std::size_t{neighbours[j]} + component] -= d[a][j];
+          d_positions[6 * std::size_t{neighbors[j]} + component] -= d[a][j];
         }
     }
   }

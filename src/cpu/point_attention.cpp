@@ -12,7 +12,7 @@ namespace {
 template <class T, int Width>
 class PointRow {
  public:
-  using Edges = Eigen::Array<T, Width, 1>;
+  using Edges = Lanes<T, Width>;
 
   PointRow(const ops::PointAttention& op, const RowMatrix<T>& plane, int k)
       : op_(op),
@@ -61,7 +61,7 @@ class PointRow {
   // Directions and features of the neighbours, a lane per edge. True if some edge has length zero; its
   // feature then moves to zero_feature_.
   bool gather(const PointInputs<T>& in, std::size_t row) {
-    const std::uint32_t* neighbour = in.index + row * k_;
+    const std::uint32_t* neighbor = in.index + row * k_;
     const T* centre = in.centres + 3 * row;
     Edges d[3];
     for (Edges& component : d) component.setZero();
@@ -69,11 +69,11 @@ class PointRow {
       for (Edges& f : feature_) f.setZero();
     const int width = static_cast<int>(feature_.size());
     for (int j = 0; j < k_; ++j) {
-      const T* at = in.neighbours + 3 * std::size_t{neighbour[j]};
+      const T* at = in.neighbors + 3 * std::size_t{neighbor[j]};
       d[0][j] = centre[1] - at[1];
       d[1][j] = centre[2] - at[2];
       d[2][j] = centre[0] - at[0];
-      const T* f = in.features + neighbour[j] * in.feature_stride;
+      const T* f = in.features + neighbor[j] * in.feature_stride;
       for (int c = 0; c < width; ++c) feature_[c][j] = f[c];
     }
     const Edges square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];

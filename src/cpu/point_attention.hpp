@@ -68,7 +68,7 @@ struct PointInputs {
   std::size_t feature_stride;  ///< 0: the same features for every point
   const std::uint32_t* index;
   const T* centres;
-  const T* neighbours;
+  const T* neighbors;
   T* out;
 };
 

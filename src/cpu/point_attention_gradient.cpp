@@ -28,7 +28,7 @@ void point_attention_gradient(const Arguments& args, const ops::PointAttention& 
     const std::size_t first = layout.begin(graph::Rows::point, cloud),
                       last = layout.begin(graph::Rows::point, cloud + 1);
     clear(out.features, first, last, width);
-    clear(out.neighbours, first, last, 3);
+    clear(out.neighbors, first, last, 3);
     clear(out.centres, begin, end, 3);
     const PointMatrices matrices =
         coefficients ? with_coefficients(shared, op, coefficients + cloud * op.coefficient_count()) : shared;

@@ -10,7 +10,7 @@ template <class T>
 struct PointGradients {
   T* features = nullptr;
   T* centres = nullptr;
-  T* neighbours = nullptr;
+  T* neighbors = nullptr;
   T* coefficients = nullptr;
   const Slot* constants = nullptr;
 };

@@ -24,7 +24,7 @@ class PointBlock {
         k_(k),
         edge_(op, false, k),
         zero_(op, true, k),
-        neighbour_(static_cast<std::size_t>(k * lanes)),
+        neighbor_(static_cast<std::size_t>(k * lanes)),
         direction_(static_cast<std::size_t>(3 * k)),
         d_direction_(direction_.size()),
         scale_(static_cast<std::size_t>(k)),
@@ -64,24 +64,24 @@ class PointBlock {
 
  private:
   std::size_t row(int lane) const { return begin_ + static_cast<std::size_t>(std::min(lane, count_ - 1)); }
-  std::size_t neighbour(int lane, int j) const { return neighbour_[j * lanes + lane]; }
+  std::size_t neighbor(int lane, int j) const { return neighbor_[j * lanes + lane]; }
 
   // Rows past the end repeat the last one with a gradient of zero.
   void load() {
     const int width = op_.c0 + 3 * op_.c1;
     for (int lane = 0; lane < lanes; ++lane) {
       const std::uint32_t* index = in_.index + row(lane) * k_;
-      for (int j = 0; j < k_; ++j) neighbour_[j * lanes + lane] = index[j];
+      for (int j = 0; j < k_; ++j) neighbor_[j * lanes + lane] = index[j];
     }
     const T* rows[lanes];
     for (int j = 0; j < k_; ++j) {
       for (int lane = 0; lane < lanes; ++lane)
-        rows[lane] = in_.features + neighbour(lane, j) * in_.feature_stride;
+        rows[lane] = in_.features + neighbor(lane, j) * in_.feature_stride;
       gather(rows, width, edge_.features(j));
     }
     for (int j = 0; j < k_; ++j) {
       for (int lane = 0; lane < lanes; ++lane) {
-        const T* at = in_.neighbours + 3 * neighbour(lane, j);
+        const T* at = in_.neighbors + 3 * neighbor(lane, j);
         for (int a = 0; a < 3; ++a) direction_[3 * j + a][lane] = at[(a + 1) % 3];
       }
     }
@@ -197,7 +197,7 @@ class PointBlock {
   }
 
   void backward(const PointGradients<T>& out) {
-    const bool turn = out.centres || out.neighbours;
+    const bool turn = out.centres || out.neighbors;
     if (!op_.uniform) {
       matrix_[S0].differentiate(d_out_.data(), own0(), d_own_.data());
       matrix_[S1].differentiate(out1(d_out_, 0), own1(own_, 0), own1(d_own_, 0), 3, op_.m1, op_.c1);
@@ -269,11 +269,11 @@ class PointBlock {
         scatter(scratch_.data(), width, count_, rows);
       }
       for (int j = 0; j < k_; ++j) {
-        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + neighbour(lane, j) * width;
+        for (int lane = 0; lane < count_; ++lane) rows[lane] = out.features + neighbor(lane, j) * width;
         scatter(edge_.gradient(j), width, count_, rows);
       }
     }
-    if (out.centres || out.neighbours) store_positions(out);
+    if (out.centres || out.neighbors) store_positions(out);
   }
 
   // v = d / |d|
@@ -285,7 +285,7 @@ class PointBlock {
         const P d = scale_[j] * (g[a] - along * v[a]);
         for (int lane = 0; lane < count_; ++lane) {
           if (out.centres) out.centres[3 * row(lane) + (a + 1) % 3] += d[lane];
-          if (out.neighbours) out.neighbours[3 * neighbour(lane, j) + (a + 1) % 3] -= d[lane];
+          if (out.neighbors) out.neighbors[3 * neighbor(lane, j) + (a + 1) % 3] -= d[lane];
         }
       }
     }
@@ -299,7 +299,7 @@ class PointBlock {
   int count_ = 0;
   bool duplicates_ = false;
   PointPathSet<T> edge_, zero_;
-  std::vector<std::uint32_t> neighbour_;
+  std::vector<std::uint32_t> neighbor_;
   std::array<PackMatrix<T>, point_matrices> matrix_;
   // Over edges: v, 1/|d| (0 where d is), softmax weights and the gradient of the weights, then of the logits.
   Packs<T> direction_, d_direction_, scale_, weight_, d_weight_;

@@ -112,7 +112,7 @@ class PointPathSet {
   struct Channel {
     Kind kind;
     int input;               // first of its inputs
-    std::vector<int> begin;  // of each path, for head 0
+    std::vector<int> begin;  // where each path begins for head 0
     std::vector<int> step;   // from head to head
 
     int at(int path, int head) const { return begin[path] + head * step[path]; }

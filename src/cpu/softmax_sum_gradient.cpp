@@ -5,7 +5,7 @@
 namespace bitr::cpu {
 namespace {
 
-// Of one chunk or one cloud, per channel.
+// The softmax's denominators over one chunk or one cloud, per channel.
 struct Normalizer {
   Eigen::ArrayXd largest, total;
 

@@ -84,7 +84,7 @@ class DataSet::State {
   std::vector<Part> parts;
   std::uint64_t samples, fingerprint;
 
-  /// Of an epoch of `total` samples.
+  /// An epoch has `total` samples.
   State(const DataOptions& given, std::vector<Part> opened, std::uint64_t total)
       : options(given),
         parts(std::move(opened)),

@@ -18,7 +18,7 @@ class DensePair {
   /// `count` different points of each side, or the same of the source twice.
   GeneratedPair draw(std::size_t count, bool same_points, std::uint64_t seed) const;
   std::size_t bytes() const { return bytes_of(source_.size()); }
-  static std::size_t bytes_of(std::size_t points) { return 2 * points * sizeof(Point); }  ///< of each side
+  static std::size_t bytes_of(std::size_t points) { return 2 * points * sizeof(Point); }  ///< `points` a side
 
  private:
   struct Point {

@@ -12,7 +12,7 @@ namespace bitr::data {
 class FileShape {
  public:
   struct Needs {
-    std::size_t points;  ///< of the largest sample
+    std::size_t points;  ///< as many as the largest sample has
     bool normals;
   };
   /// `bad_file` and the reader's other errors when the file has nothing to draw from, or too little.

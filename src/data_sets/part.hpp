@@ -14,9 +14,9 @@ namespace bitr::data {
 struct Part {
   DataPart recipe;
   const generate::ShapeKind* kind = nullptr;    ///< null for files
-  std::vector<std::uint32_t> seeds;             ///< of a kind, less first_seed
+  std::vector<std::uint32_t> seeds;             ///< a kind's, less first_seed
   std::vector<std::string> files;               ///< below the folder, sorted
-  std::uint64_t first_sample = 0, samples = 0;  ///< of an epoch in its order
+  std::uint64_t first_sample = 0, samples = 0;  ///< its share of an epoch in order
   std::uint64_t pools = 0;                      ///< so many of its shapes' versions, the first, have a pool
 
   /// How its shapes become pairs.
@@ -51,7 +51,7 @@ std::size_t share_pools(std::vector<Part>& parts, std::size_t bytes);
 
 /// `invalid_argument`.
 tl::unexpected<Error> wrong(const std::string& message);
-/// Of an option with two ends.
+/// For an option with two ends: `invalid_argument` unless least ≤ low ≤ high ≤ most.
 Result<void> check_range(const std::string& name, double low, double high, double least, double most);
 
 }  // namespace bitr::data

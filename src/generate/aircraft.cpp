@@ -21,8 +21,8 @@ struct Fuselage {
   double radius;
   double height = 1;  ///< in units of the width
   double nose, tail;  ///< lengths
-  double droop;       ///< of the nose's tip, in radii
-  double upsweep;     ///< of the tail's end, in radii
+  double droop;       ///< how low the nose's tip is, in radii
+  double upsweep;     ///< how high the tail's end is, in radii
   double tail_radius = 0.12;
 
   double shape(double x) const {
@@ -41,7 +41,7 @@ struct Fuselage {
   double top(double x) const { return middle(x) + radius * height * shape(x); }
   double side(double x) const { return radius * shape(x); }
 
-  std::unique_ptr<Part> part() const {
+  std::unique_ptr<Primitive> primitive() const {
     return std::make_unique<Loft>(
         Vector3d::UnitX(), Vector3d::UnitY(), Outline::round,
         [*this](double x) {
@@ -73,7 +73,7 @@ struct Wing {
   double leading_edge(double y) const { return x + sweep * std::abs(y); }
   double height(double y) const { return z + dihedral * std::abs(y); }
 
-  std::unique_ptr<Part> part() const {
+  std::unique_ptr<Primitive> primitive() const {
     const double bend = kink == 0 ? half_span / 2 : kink * half_span;
     return std::make_unique<Loft>(
         Vector3d::UnitY(), forwards, Outline::airfoil,
@@ -103,7 +103,7 @@ struct Plate {
   double sweep;
   double thickness;
 
-  std::unique_ptr<Part> part() const {
+  std::unique_ptr<Primitive> primitive() const {
     const double start = direction.dot(from), aside = direction.cross(forwards).dot(from);
     return std::make_unique<Loft>(
         direction, forwards, Outline::airfoil,
@@ -158,7 +158,7 @@ struct Blister {
   double fullest = 0.4;  ///< share of its length where it is widest
   double blunt = 0.5;    ///< 0.5: an ellipsoid's ends; more: sharper
 
-  std::unique_ptr<Part> part() const {
+  std::unique_ptr<Primitive> primitive() const {
     const double first = middle.x() - half.x(), last = middle.x() + half.x(),
                  top = std::lerp(first, last, fullest);
     std::vector<double> back = steps_from_tip(0, 1, 8);
@@ -178,10 +178,10 @@ struct Blister {
 };
 
 void mirrored(Compound& aircraft, Plate plate) {
-  aircraft.add(plate.part());
+  aircraft.add(plate.primitive());
   plate.from.y() *= -1;
   plate.direction.y() *= -1;
-  aircraft.add(plate.part());
+  aircraft.add(plate.primitive());
 }
 
 void mirrored(Compound& aircraft, Nacelle nacelle) {
@@ -191,9 +191,9 @@ void mirrored(Compound& aircraft, Nacelle nacelle) {
 }
 
 void mirrored(Compound& aircraft, Blister blister) {
-  aircraft.add(blister.part());
+  aircraft.add(blister.primitive());
   blister.middle.y() *= -1;
-  aircraft.add(blister.part());
+  aircraft.add(blister.primitive());
 }
 
 Vector3d upright(double cant) { return {0, std::sin(cant), std::cos(cant)}; }
@@ -226,7 +226,7 @@ void add_tail(Compound& aircraft, const Fuselage& body, Tail tail, double fin_he
                      .tip = tip,
                      .sweep = fin_sweep,
                      .thickness = 0.11}
-                   .part());
+                   .primitive());
   const double up = tail == Tail::low ? 0 : tail == Tail::tee ? 0.96 : random.uniform(0.4, 0.6);
   // On the fin it sits where the fin is there; else at the fuselage's end.
   const double plane_x = tail == Tail::low ? 0.96 - plane_root - 0.3 * sweep * half_span
@@ -240,7 +240,7 @@ void add_tail(Compound& aircraft, const Fuselage& body, Tail tail, double fin_he
                     .sweep = sweep * random.uniform(0.8, 1.05),
                     .dihedral = tail == Tail::low ? random.uniform(0, 0.12) : 0,
                     .thickness = 0.09}
-                   .part());
+                   .primitive());
 }
 
 void add_winglets(Compound& aircraft, const Wing& wing, Random& random) {
@@ -289,7 +289,7 @@ void airliner(Compound& aircraft, Random& random) {
                       .tail = random.uniform(0.28, 0.36),
                       .droop = random.uniform(0.1, 0.35),
                       .upsweep = random.uniform(0.5, 0.8)};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   const double half_span = random.uniform(0.4, 0.54), root = random.uniform(0.2, 0.26);
   const bool high = random.uniform() < 0.15;
   const Wing wing{.x = random.uniform(0.31, 0.38),
@@ -302,10 +302,10 @@ void airliner(Compound& aircraft, Random& random) {
                   .thickness = random.uniform(0.11, 0.13),
                   .kink = random.uniform(0.3, 0.4),
                   .kink_chord = root * random.uniform(0.56, 0.66)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   aircraft.add(Blister{.middle = {wing.x + 0.55 * root, 0, (high ? 0.5 : -0.62) * body.radius},
                        .half = {0.8 * root, 1.02 * body.radius, 0.55 * body.radius}}
-                   .part());
+                   .primitive());
   const std::uint64_t layout = random.below(10);  // engines: 6 of 10 two, 2 four, 2 at the tail
   const double radius = body.radius * random.uniform(0.42, 0.62), length = radius * random.uniform(3, 4);
   if (layout < 6) {
@@ -328,7 +328,7 @@ void turboprop(Compound& aircraft, Random& random) {
                       .tail = random.uniform(0.32, 0.4),
                       .droop = random.uniform(0.2, 0.4),
                       .upsweep = random.uniform(0.6, 0.85)};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   const double root = random.uniform(0.12, 0.16);
   const bool high = random.uniform() < 0.75;
   const Wing wing{.x = random.uniform(0.36, 0.44),
@@ -339,7 +339,7 @@ void turboprop(Compound& aircraft, Random& random) {
                   .sweep = random.uniform(0, 0.08),
                   .dihedral = random.uniform(0, 0.06),
                   .thickness = random.uniform(0.13, 0.16)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   const int engines = random.uniform() < 0.75 ? 1 : 2;  // on each side
   const double radius = random.uniform(0.022, 0.03);
   for (int i = 0; i < engines; ++i) {
@@ -374,7 +374,7 @@ void business_jet(Compound& aircraft, Random& random) {
                       .tail = random.uniform(0.34, 0.42),
                       .droop = random.uniform(0.2, 0.5),
                       .upsweep = random.uniform(0.4, 0.7)};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   const double root = random.uniform(0.18, 0.26);
   const Wing wing{.x = random.uniform(0.4, 0.46),
                   .z = -0.75 * body.radius,
@@ -384,7 +384,7 @@ void business_jet(Compound& aircraft, Random& random) {
                   .sweep = random.uniform(0.2, 0.55),
                   .dihedral = random.uniform(0.03, 0.1),
                   .thickness = random.uniform(0.11, 0.13)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   const double radius = body.radius * random.uniform(0.42, 0.55), length = radius * random.uniform(4, 5.2);
   add_tail_engines(aircraft, body, radius, length, random);
   if (random.uniform() < 0.2)  // the third one, at the root of the fin
@@ -403,7 +403,7 @@ void light_aeroplane(Compound& aircraft, Random& random) {
                       .droop = random.uniform(0.2, 0.4),
                       .upsweep = random.uniform(0.2, 0.5),
                       .tail_radius = 0.2};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   const bool high = random.uniform() < 0.5;
   const double root = random.uniform(0.17, 0.23);
   const Wing wing{.x = random.uniform(0.24, 0.3),
@@ -414,11 +414,11 @@ void light_aeroplane(Compound& aircraft, Random& random) {
                   .sweep = random.uniform(0, 0.06),
                   .dihedral = random.uniform(0.02, 0.1),
                   .thickness = random.uniform(0.12, 0.15)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   aircraft.add(Blister{.middle = {wing.x + 0.5 * root, 0, 0.7 * body.radius * body.height},
                        .half = {random.uniform(0.15, 0.2), 0.85 * body.radius, high ? 0.06 : 0.055},
                        .fullest = 0.4}
-                   .part());
+                   .primitive());
   if (high) {  // the struts
     const double y = 0.45 * wing.half_span, rise = wing.height(y) + 0.6 * body.radius;
     mirrored(aircraft, Plate{.from = {wing.x + 0.2 * root, 0.6 * body.radius, -0.6 * body.radius},
@@ -435,8 +435,8 @@ void light_aeroplane(Compound& aircraft, Random& random) {
                                .half = {0.8 * root, 0.036, 0.04},
                                .fullest = 0.3});
   } else {
-    aircraft.add(
-        Blister{.middle = {0.0, 0, body.middle(0.01)}, .half = {0.03, 0.018, 0.018}, .fullest = 0.7}.part());
+    aircraft.add(Blister{.middle = {0.0, 0, body.middle(0.01)}, .half = {0.03, 0.018, 0.018}, .fullest = 0.7}
+                     .primitive());
     const double turn = random.uniform(0, 3);
     for (int blade = 0; blade < 2; ++blade)
       aircraft.add(Plate{.from = {-0.012, 0, body.middle(0)},
@@ -446,7 +446,7 @@ void light_aeroplane(Compound& aircraft, Random& random) {
                          .tip = 0.016,
                          .sweep = 0,
                          .thickness = 0.3}
-                       .part());
+                       .primitive());
   }
   add_tail(aircraft, body, random.uniform() < 0.85 ? Tail::low : Tail::tee, random.uniform(0.13, 0.17),
            random.uniform(0.19, 0.25), random.uniform(0.05, 0.3), random);
@@ -460,7 +460,7 @@ void glider(Compound& aircraft, Random& random) {
                       .droop = random.uniform(0.1, 0.4),
                       .upsweep = random.uniform(0.2, 0.5),
                       .tail_radius = 0.25};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   const double root = random.uniform(0.1, 0.14);
   const Wing wing{.x = random.uniform(0.3, 0.36),
                   .z = random.uniform(0.2, 0.8) * body.radius,
@@ -470,10 +470,10 @@ void glider(Compound& aircraft, Random& random) {
                   .sweep = random.uniform(0, 0.04),
                   .dihedral = random.uniform(0.03, 0.09),
                   .thickness = random.uniform(0.13, 0.16)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   aircraft.add(Blister{.middle = {0.19, 0, 0.55 * body.radius},
                        .half = {random.uniform(0.1, 0.13), 0.75 * body.radius, 0.8 * body.radius}}
-                   .part());
+                   .primitive());
   const double kind = random.uniform();
   add_tail(aircraft, body,
            kind < 0.6   ? Tail::tee
@@ -490,11 +490,11 @@ void fighter(Compound& aircraft, Random& random) {
                       .droop = random.uniform(0, 0.5),
                       .upsweep = random.uniform(0, 0.15),
                       .tail_radius = random.uniform(0.6, 0.8)};
-  aircraft.add(body.part());
+  aircraft.add(body.primitive());
   aircraft.add(Blister{.middle = {random.uniform(0.28, 0.32), 0, 0.75 * body.radius},
                        .half = {random.uniform(0.12, 0.15), 0.55 * body.radius, 0.85 * body.radius},
                        .fullest = 0.35}
-                   .part());
+                   .primitive());
   // Intakes at both sides run into the engines at the tail.
   const double size = body.radius * random.uniform(0.75, 0.95), start = random.uniform(0.34, 0.42);
   const double apart = body.radius * random.uniform(0.75, 1.1), below = -random.uniform(0, 0.3) * body.radius;
@@ -515,7 +515,7 @@ void fighter(Compound& aircraft, Random& random) {
                   .sweep = delta ? random.uniform(1.1, 1.35) : random.uniform(0.55, 0.85),
                   .dihedral = random.uniform(-0.06, 0.03),
                   .thickness = random.uniform(0.05, 0.065)};
-  aircraft.add(wing.part());
+  aircraft.add(wing.primitive());
   const double sweep = random.uniform(0.6, 0.9), plane = random.uniform(0.1, 0.14);
   // Tailplanes behind a swept wing, canards before a delta.
   if (!delta || random.uniform() < 0.6)
@@ -527,7 +527,7 @@ void fighter(Compound& aircraft, Random& random) {
                       .sweep = sweep,
                       .dihedral = 0,
                       .thickness = 0.05}
-                     .part());
+                     .primitive());
   const double height = random.uniform(0.13, 0.17), fin = height * random.uniform(1.1, 1.4);
   const Plate tail{.from = {0.95 - fin, 0, 0.5 * body.radius},
                    .direction = Vector3d::UnitZ(),
@@ -537,7 +537,7 @@ void fighter(Compound& aircraft, Random& random) {
                    .sweep = random.uniform(0.7, 0.95),
                    .thickness = 0.06};
   if (random.uniform() < 0.5) {
-    aircraft.add(tail.part());
+    aircraft.add(tail.primitive());
   } else {
     Plate twin = tail;
     twin.from.y() = apart;

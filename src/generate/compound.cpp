@@ -11,15 +11,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A part bulges beyond its grid by less than this share of its size.
+// A primitive bulges beyond its grid by less than this share of its size.
 constexpr double bulge = 0.01;
 
 }  // namespace
 
 std::vector<Vector3d> Compound::measure(std::size_t member) {
-  const Part& part = *members_[member].part;
-  const int rows = part.rows(), columns = part.columns();
-  std::vector<Vector3d> grid = part.corners();
+  const Primitive& primitive = *members_[member].primitive;
+  const int rows = primitive.rows(), columns = primitive.columns();
+  std::vector<Vector3d> grid = primitive.corners();
   Box& box = members_[member].box;
   for (const Vector3d& at : grid) box.include(at);
   const Vector3d margin = Vector3d::Constant(bulge * (box.high - box.low).maxCoeff());
@@ -106,7 +106,7 @@ void Compound::trial(Random& random, std::vector<SurfacePoint>& points) const {
   const Member& member = members_[cell.member];
 
   const double row = random.uniform(), column = random.uniform(), accept = random.uniform();
-  const auto [at, by_row, by_column] = member.part->place(cell.row + row, cell.column + column);
+  const auto [at, by_row, by_column] = member.primitive->place(cell.row + row, cell.column + column);
   const Vector3d outwards = by_column.cross(by_row);
   const double area = outwards.norm();
   if (!(accept * bound < area) || !exposed(at, cell.member)) return;

@@ -1,4 +1,4 @@
-// Solids put together from parts: some added, some taken away.
+// Solids put together from primitives: some added, some taken away.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,22 @@
 #include <optional>
 #include <vector>
 
-#include "generate/part.hpp"
+#include "generate/primitive.hpp"
 #include "generate/shape.hpp"
 
 namespace bitr::generate {
 
-/// The union of the parts that were added without those that were taken away. Its surface is the outer one:
-/// what of a part lies within another is not on it.
+/// The union of the primitives that were added without those that were taken away. Its surface is the outer one:
+/// what of a primitive lies within another is not on it.
 class Compound : public Shape {
  public:
-  void add(std::unique_ptr<Part> part) { members_.push_back({std::move(part), false, {}, {}}); }
-  void take_away(std::unique_ptr<Part> part) { members_.push_back({std::move(part), true, {}, {}}); }
-  /// Once every part is there: moves `middle` (the bounding box's, if none is given) to the origin and scales
+  void add(std::unique_ptr<Primitive> primitive) {
+    members_.push_back({std::move(primitive), false, {}, {}});
+  }
+  void take_away(std::unique_ptr<Primitive> primitive) {
+    members_.push_back({std::move(primitive), true, {}, {}});
+  }
+  /// Once every primitive is there: moves `middle` (the bounding box's, if none is given) to the origin and scales
   /// everything to fit in the ball of solid_radius.
   void finish(std::optional<Eigen::Vector3d> middle = {});
   void set_symmetry(const Symmetry& symmetry) { symmetry_ = symmetry; }
@@ -43,17 +47,17 @@ class Compound : public Shape {
     }
   };
   struct Member {
-    std::unique_ptr<Part> part;
+    std::unique_ptr<Primitive> primitive;
     bool hollow;
     Box box;
     std::vector<std::uint16_t> around;  ///< the members whose boxes meet this one's
-    bool contains(const Eigen::Vector3d& at) const { return box.contains(at) && part->contains(at); }
+    bool contains(const Eigen::Vector3d& at) const { return box.contains(at) && primitive->contains(at); }
   };
   struct Cell {
-    double weight_up_to;  ///< of all cells so far, in the parts' units
+    double weight_up_to;  ///< the sum over all cells so far, in the primitives' units
     std::uint16_t member, row, column;
   };
-  /// The grid of a part, row by row; with it come its box and its cells.
+  /// The grid of a primitive, row by row; with it come its box and its cells.
   std::vector<Eigen::Vector3d> measure(std::size_t member);
   /// A cell with a probability in proportion to its own weight, for a number uniform in [0, 1).
   std::size_t pick(double share) const;

@@ -45,7 +45,7 @@ Cut cut_to(const PointCloud& cloud, const Vector3d& direction, std::size_t count
 }
 
 /// The points that the cut keeps, `most` at most, and of equally far ones the first.
-PointCloud kept(const PointCloud& cloud, const Cut& cut, std::size_t most) {
+PointCloud cropped(const PointCloud& cloud, const Cut& cut, std::size_t most) {
   std::vector<std::size_t> rows;
   for (std::size_t i = 0; i < cloud.size() && rows.size() < most; ++i)
     if (!(cut.along(cloud.positions[i]) < cut.from)) rows.push_back(i);
@@ -89,8 +89,8 @@ Result<GeneratedPair> crop(const PointCloud& source, const PointCloud& reference
   }
 
   GeneratedPair pair;
-  pair.source = kept(source, source_cut, source_count);
-  pair.reference = kept(reference, reference_cut, reference_count);
+  pair.source = cropped(source, source_cut, source_count);
+  pair.reference = cropped(reference, reference_cut, reference_count);
   if (pair.source.positions.empty() || pair.reference.positions.empty())
     return fail(ErrorCode::invalid_argument,
                 "the crop leaves no point: the cloud's points are all in one place");

@@ -36,9 +36,9 @@ class FieldShape : public Shape {
  private:
   void find_empty(const int first[3], int cells);
   Field field_;
-  std::vector<std::uint8_t> empty_;  ///< of each of the grid's cells: how many wide the block around it is
+  std::vector<std::uint8_t> empty_;  ///< for each of the grid's cells: how many wide the block around it is
                                      ///< through which no surface passes; 0: one may
-  double radius_ = 0;                ///< of the ball around the others
+  double radius_ = 0;                ///< radius of the ball around the cells that are not empty
 };
 
 }  // namespace bitr::generate

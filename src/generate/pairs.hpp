@@ -50,7 +50,7 @@ Result<const ShapeKind*> kind_named(std::string_view name);
 std::unique_ptr<Shape> make_shape(const ShapeKind& kind, std::uint64_t seed);
 
 Result<void> check_points(std::size_t points);
-/// Of crops; errors name the option.
+/// Errors name the option.
 Result<void> check(const CropOptions& options);
 
 }  // namespace bitr::generate

@@ -48,8 +48,8 @@ struct Graph {
   TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor, offsets = no_tensor;
   // Read by the caller after it.
   TensorId key_points = no_tensor, pose = no_tensor;
-  TensorId result = no_tensor;  ///< of a graph that is not the network's
-  // Of a training graph: the true poses (ops/loss.hpp), filled by the caller; the loss.
+  TensorId result = no_tensor;  ///< what a graph that is not the network's makes
+  // In a training graph: the true poses (ops/loss.hpp), filled by the caller; the loss.
   TensorId truth = no_tensor, loss = no_tensor;
   std::vector<TensorId> saved = {};  ///< others that are read after a run
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "core/aligned.hpp"
+
 namespace bitr::graph {
 namespace {
 
@@ -25,9 +27,7 @@ std::vector<Lifetime> lifetimes(const Graph& graph, bool retain) {
   return lives;
 }
 
-std::size_t aligned(std::size_t bytes) {
-  return (bytes + arena_alignment - 1) / arena_alignment * arena_alignment;
-}
+std::size_t arena_aligned(std::size_t bytes) { return aligned(bytes, arena_alignment); }
 
 }  // namespace
 
@@ -41,18 +41,18 @@ MemoryPlan plan_memory(const Graph& graph, const std::vector<std::size_t>& sizes
   MemoryPlan plan{std::vector<std::size_t>(graph.tensors.size(), 0), 0};
   std::vector<TensorId> placed;
   for (TensorId id : order) {
-    std::vector<TensorId> neighbours;
+    std::vector<TensorId> neighbors;
     for (TensorId other : placed)
-      if (lives[id].meets(lives[other])) neighbours.push_back(other);
-    std::sort(neighbours.begin(), neighbours.end(),
+      if (lives[id].meets(lives[other])) neighbors.push_back(other);
+    std::sort(neighbors.begin(), neighbors.end(),
               [&](TensorId a, TensorId b) { return plan.offset[a] < plan.offset[b]; });
     std::size_t at = 0;
-    for (TensorId other : neighbours) {
-      if (at + aligned(sizes[id]) <= plan.offset[other]) break;
-      at = std::max(at, plan.offset[other] + aligned(sizes[other]));
+    for (TensorId other : neighbors) {
+      if (at + arena_aligned(sizes[id]) <= plan.offset[other]) break;
+      at = std::max(at, plan.offset[other] + arena_aligned(sizes[other]));
     }
     plan.offset[id] = at;
-    plan.bytes = std::max(plan.bytes, at + aligned(sizes[id]));
+    plan.bytes = std::max(plan.bytes, at + arena_aligned(sizes[id]));
     placed.push_back(id);
   }
   return plan;

@@ -12,7 +12,7 @@ constexpr std::size_t arena_alignment = 64;
 
 struct MemoryPlan {
   std::vector<std::size_t> offset;  ///< per tensor, in bytes, multiples of arena_alignment
-  std::size_t bytes = 0;            ///< of the whole arena
+  std::size_t bytes = 0;            ///< the whole arena's
 };
 
 /// `sizes`: bytes per tensor. A tensor lives from the node that makes it (inputs: from the start) to the last

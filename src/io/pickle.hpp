@@ -33,7 +33,7 @@ struct Tuple {
 struct Global {
   enum class Kind : std::uint8_t { ordered_dict, rebuild_tensor, rebuild_parameter, storage };
   Kind kind;
-  DType type = DType::f32;  ///< of a storage
+  DType type = DType::f32;  ///< a storage's
 };
 struct StorageRef {
   Id index;  ///< into Document::storages

@@ -17,7 +17,7 @@ enum class Encoding { ascii, little, big };
 struct Property {
   std::string_view name;
   ScalarType type = ScalarType::f32;
-  std::optional<ScalarType> length;  ///< of the row's item count, for a list
+  std::optional<ScalarType> length;  ///< type of a list's item count
   int role = no_role;
 };
 
@@ -257,7 +257,7 @@ class Body {
     return end_row(element, row, place);
   }
 
-  // Of other elements nothing is read but the corners; what is told to a mover is a face's normal.
+  // From other elements nothing is read but the corners; what is told to a mover is a face's normal.
   Result<void> end_row(const Element& element, const Row& row, Place place) {
     if (element.name == "vertex") return builder_.add(row, place);
     return file_.mover ? file_.mover->end_row(file_, place) : Result<void>();

@@ -1,27 +1,15 @@
-// Degrees of SO(3)×SO(3) and fibers: how many channels of each degree a feature has, and where they lie in a
-// row.
+// Fibers: how many channels of each degree a feature has, and where they lie in a row.
 #pragma once
 
-#include <compare>
+#include <bitr/degree.hpp>
 #include <cstddef>
+#include <initializer_list>
 #include <map>
-#include <string>
+#include <utility>
 
 namespace bitr::irreps {
 
-/// (p, q): dimension (2p+1)(2q+1), on which (R₁, R₂) acts as D^p(R₁) ⊗ D^q(R₂). p-index slow, q-index fast.
-/// R₁ belongs to the source's side, R₂ to the reference's; ordinary SO(3) features are (p, 0).
-struct Degree {
-  int p = 0;
-  int q = 0;
-
-  auto operator<=>(const Degree&) const = default;
-  int dim() const { return (2 * p + 1) * (2 * q + 1); }
-  Degree swapped() const { return {q, p}; }
-  bool symmetric() const { return p == q; }
-  /// "(p, q)", as in the official state dict's names.
-  std::string str() const { return "(" + std::to_string(p) + ", " + std::to_string(q) + ")"; }
-};
+using bitr::Degree;
 
 /// Channels per degree, in sorted order of (p, q). A row of features holds, degree after degree, channels ×
 /// dim numbers (channel slow, component fast).

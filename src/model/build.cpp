@@ -107,7 +107,7 @@ class Builder {
   }
 
   TensorId layer(const LayerSpec& spec, TensorId feature, TensorId index, TensorId centres,
-                 TensorId neighbours) {
+                 TensorId neighbors) {
     ops::AttentionLayer op{.sides = spec.sides,
                            .scale_degree = spec.scale_degree,
                            .heads = spec.heads,
@@ -133,7 +133,7 @@ class Builder {
     visit_parameters(spec, op, take());
     const Rows rows = graph_.tensors[index].rows;
     const TensorId out = graph_.add(spec.output, rows, spec.out);
-    graph_.append(spec.stage, std::move(op), {feature, index, centres, neighbours}, {out});
+    graph_.append(spec.stage, std::move(op), {feature, index, centres, neighbors}, {out});
     return out;
   }
 

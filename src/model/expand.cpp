@@ -28,7 +28,7 @@ class Expander {
   };
 
   // Layers on the same neighbour lists share their edges' geometry.
-  Geometry geometry(int sides, TensorId index, TensorId centres, TensorId neighbours) {
+  Geometry geometry(int sides, TensorId index, TensorId centres, TensorId neighbors) {
     const auto known = geometries_.find(index);
     if (known != geometries_.end()) return known->second;
     const auto info = graph_.tensors[index];
@@ -42,7 +42,7 @@ class Expander {
                          .fiber = {}});
     };
     const Geometry made{edges(".r", sides), edges(".direction", 3 * sides)};
-    graph_.append(name + ".geometry", ops::EdgeGeometry{sides}, {centres, neighbours, index},
+    graph_.append(name + ".geometry", ops::EdgeGeometry{sides}, {centres, neighbors, index},
                   {made.lengths, made.directions});
     return geometries_.emplace(index, made).first->second;
   }

@@ -65,7 +65,7 @@ class Folder {
     TensorId output = node.outputs.front();
     const ops::ProjectedRelu* relu = take_relu(output);
     const TensorId feature = node.inputs[0], index = node.inputs[1], centres = node.inputs[2],
-                   neighbours = node.inputs[3];
+                   neighbors = node.inputs[3];
     const std::string name = graph_.tensors[output].name;
     if (layer.sides == 2) {
       graph_.append(name, pair_attention(layer, relu, for_each_), {feature, index, centres}, {output});
@@ -82,9 +82,9 @@ class Folder {
                                                 .kind = graph::ElementKind::real,
                                                 .fiber = {}});
       graph_.append(name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients});
-      graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbours, coefficients}, {output});
+      graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbors, coefficients}, {output});
     } else {
-      graph_.append(name, folded, {feature, index, centres, neighbours}, {output});
+      graph_.append(name, folded, {feature, index, centres, neighbors}, {output});
     }
   }
 

@@ -9,21 +9,21 @@
 
 namespace bitr::model {
 
-/// Of point_attention(layer, …).
+/// The transpose of point_attention(layer, …).
 void add_point_attention_gradient(const ops::AttentionLayer& layer, const ops::PointAttention& gradient,
                                   ops::AttentionLayer& to);
 
-/// Of pair_attention(layer, …), which is `folded`.
+/// The transpose of pair_attention(layer, …), which is `folded`.
 void add_pair_attention_gradient(const ops::AttentionLayer& layer, const ops::PairAttention& folded,
                                  const ops::PairAttention& gradient, ops::AttentionLayer& to,
                                  const ForEach& for_each);
 
-/// Of constant_radial(network, zero_length).
+/// The transpose of constant_radial(network, zero_length).
 void add_constant_radial_gradient(const ops::RadialNetwork& network, bool zero_length,
                                   const Eigen::VectorXd& gradient, ops::RadialNetwork& to);
 
-/// Of sector_table(…), which is `table`: slopes, offsets, Q and q of every sector lead to the network's
-/// weights. `channels`: in · out.
+/// The transpose of sector_table(…), which is `table`: slopes, offsets, Q and q of every sector lead to the
+/// network's weights. `channels`: in · out.
 void add_sector_table_gradient(const ops::SectorTable& table, const ops::SectorTable& gradient, int channels,
                                ops::RadialNetwork& to);
 

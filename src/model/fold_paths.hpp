@@ -22,8 +22,8 @@ PathMatrices path_matrices(const ops::Convolve& convolve);
 /// Where one number of a radial network goes.
 struct PathEntry {
   Eigen::Index radial;       ///< among the network's outputs
-  Eigen::Index row, column;  ///< of PathMatrix::edge
-  double zero_factor;        ///< of PathMatrix::zero at (row, zero_column); 0: nowhere
+  Eigen::Index row, column;  ///< where in PathMatrix::edge
+  double zero_factor;        ///< its factor in PathMatrix::zero at (row, zero_column); 0: nowhere
   Eigen::Index zero_column;
 };
 

@@ -61,7 +61,7 @@ class Bezier {
 
  private:
   using Points = std::array<double, 5>;
-  static constexpr double resolution = 1e-9;  // of roots that cannot be told apart
+  static constexpr double resolution = 1e-9;  // roots nearer than this cannot be told apart
 
   // Descartes: as many roots as changes of sign among the coefficients, or an even number fewer.
   int sign_changes(const Points& points) const {
@@ -122,7 +122,7 @@ class Fan {
     ends_.col(0) = ray(low);
     ends_.col(1) = ray(high);
   }
-  // Of linear and quadratic forms of u.
+  // Linear and quadratic forms as polynomials of u.
   Poly<2> linear(const Vector2d& w) const {
     const Vector2d local = ends_.transpose() * w;
     return {local[0], local[1]};

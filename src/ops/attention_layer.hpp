@@ -1,7 +1,12 @@
-// attention_layer: one "encode layer" of the paper, whole. Never executed itself: model/expand turns it into
-// convolve, linear and attend (as defined), model/fold into point_attention, mean_direction or
-// pair_attention. in  features T[P, fiber_in]   in  index u32[Q, k]   in  centres T[Q, 3·sides]   in
-// neighbours T[P, 3·sides] out T[Q, fiber_out]
+// attention_layer: one "encode layer" of the paper, whole.
+// Never executed itself: model/expand turns it into convolve, linear and attend (as defined), model/fold into
+// point_attention, mean_direction or pair_attention.
+// in  features T[P, fiber_in]
+// in  index u32[Q, k]
+// in  centres T[Q, 3·sides]
+// in  neighbours T[P, 3·sides]
+// out features T[Q, fiber_out]
+// error that of the operations it becomes
 #pragma once
 
 #include <optional>

@@ -1,6 +1,9 @@
-// cloud_sum: weighted sums over the points of each cloud, in double precision.
-// in  weights T[P, channels]   in  values T[P, width]
-// out T[clouds · channels, width − skip], columns [skip, width) of the values
+// cloud_sum: weighted sums over the points of each cloud, accumulated in double precision.
+//   out[cloud, c] = Σ_p weights[p, c] values[p]
+// in  weights T[P, channels]
+// in  values T[P, width]        columns [skip, width) are summed
+// out sums T[clouds·channels, width − skip]
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {
@@ -8,6 +11,8 @@ namespace bitr::ops {
 struct CloudSum {
   int channels = 1;
   int skip = 0;  ///< leading columns of the values that are left out
+
+  double float_error() const { return 1e-6; }
 };
 
 }  // namespace bitr::ops

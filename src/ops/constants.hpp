@@ -89,9 +89,9 @@ inline ConstantSpans constants(PointAttention& op) {
     detail::add(spans, *matrix);
   return spans;
 }
-/// Of `general`, whose constants `scalars` and `slopes` are made from.
+/// Those of `general`, from which `scalars` and `slopes` are made.
 inline ConstantSpans constants(MeanDirection& op) { return constants(op.general); }
-/// Of the layer on the extended features.
+/// Those of the layer on the extended features.
 inline ConstantSpans constants(CloudCoefficients& op) { return constants(op.full); }
 inline ConstantSpans constants(PairAttention& op) {
   ConstantSpans spans;

@@ -1,9 +1,11 @@
-// gradient: of a loss, with respect to what an operation read and to its constants, from that with respect to
-// what it made.
-// in  the operation's inputs, then its outputs, then the gradients of the outputs `grad_outputs`, of their shapes
-// out the gradients of the inputs `needs_input_grad`, of their shapes, then T[1, constant_count(op)] if `constants`
-//     (ops/constants.hpp)
+// gradient: a loss's gradient with respect to an operation's inputs and constants, from that of its outputs.
 // Sums run in a fixed order: the same bits on every run and for any number of threads.
+// in  the operation's inputs, of their shapes
+// in  the operation's outputs, of their shapes
+// in  the gradients of the outputs `grad_outputs`, of their shapes
+// out the gradients of the inputs `needs_input_grad`, of their shapes
+// out the gradient of the constants, if `constants`: T[1, constant_count(op)] (ops/constants.hpp)
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <algorithm>
@@ -11,10 +13,15 @@
 
 namespace bitr::ops {
 
+/// Gradients jump where an attention layer has a kink, as between the sectors of a radial table, and a number
+/// in float may be on its other side. There an entry differs by up to kink_error; 19 in 20 stay within
+/// smooth_error.
+constexpr double kink_error = 1e-3, smooth_error = 2e-5;
+
 template <class Operation>
 struct Gradient {
   Operation op;
-  int inputs = 0, outputs = 0;        ///< of the operation
+  int inputs = 0, outputs = 0;        ///< how many the operation has
   std::vector<int> grad_outputs;      ///< outputs whose gradient is an input, ascending
   std::vector<int> needs_input_grad;  ///< inputs whose gradient is made, ascending
   bool constants = false;             ///< the operation has constants
@@ -24,6 +31,13 @@ struct Gradient {
   /// Place among the outputs of the gradient of input `i`; −1: not needed.
   int grad_input_at(int i) const { return at(needs_input_grad, i, 0); }
   int constants_at() const { return constants ? static_cast<int>(needs_input_grad.size()) : -1; }
+
+  double float_error() const {
+    if constexpr (requires { Operation::gradient_error; })
+      return Operation::gradient_error;
+    else
+      return 1e-4;
+  }
 
  private:
   static int at(const std::vector<int>& list, int i, int first) {

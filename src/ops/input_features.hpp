@@ -2,8 +2,12 @@
 //   degree (0,0): the constant 0.5, or the colour; with offsets also |o| and, with normals as well, ⟨n, o⟩
 //   degree (1,0), in the order (y, z, x): the normal n, if used; the offset o, if used
 // The offset is a point's position from its cloud's centroid, over the root mean square of the cloud's
-// offsets: it turns with the cloud, and its length does not change with the cloud's scale. in  those used of:
-// colors T[P, 3], normals T[P, 3], offsets T[P, 3]     out T[P, fiber]
+// offsets: it turns with the cloud, and its length does not change with the cloud's scale.
+// in  colors T[P, 3]            if `colors`
+// in  normals T[P, 3]           if `normals`
+// in  offsets T[P, 3]           if `offsets`
+// out features T[P, fiber]
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include "irreps/fiber.hpp"
@@ -22,6 +26,7 @@ struct InputFeatures {
     if (normals || offsets) fiber.set({1, 0}, normals && offsets ? 2 : 1);
     return fiber;
   }
+  double float_error() const { return offsets ? 1e-6 : 0; }
 };
 
 }  // namespace bitr::ops

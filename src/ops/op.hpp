@@ -1,6 +1,7 @@
 // Every operation a graph may hold.
 #pragma once
 
+#include <type_traits>
 #include <variant>
 
 #include "ops/attend.hpp"
@@ -42,6 +43,19 @@ using Op = std::variant<
     Gradient<PairAttention>,
     // both:
     Gradient<MergePairs>, Gradient<Head>, Gradient<ProjectPose>, Gradient<Loss>>;
+
+/// Bound on the difference of float from double on the same inputs, relative to what the operation's header says;
+/// 0: none. A composite has none of its own.
+inline double float_error(const Op& op) {
+  return std::visit(
+      [](const auto& concrete) -> double {
+        if constexpr (std::is_same_v<std::decay_t<decltype(concrete)>, AttentionLayer>)
+          return 0;
+        else
+          return concrete.float_error();
+      },
+      op);
+}
 
 /// Whether a variant's alternatives include an operation's gradient.
 template <class Operation, class Variant = Op>

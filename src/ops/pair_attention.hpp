@@ -1,19 +1,23 @@
-// pair_attention: a two-sided attention layer on the degrees {(0,0), (0,1), (1,0), (1,1)} with its messages
-// in the edge's own frames. F₁ and F₂ rotate the two directions onto the first axis; there the kernel
-// commutes with SO(2)×SO(2), so per side only these survive, with r ↦ c their coefficients (exact change of
-// basis from J):
-//   0→0: c    0→1, 1→0: along the axis: c    1→1: c₀ on the axis, c₁·1 + c₂·𝒥 on the plane, 𝒥 =
-//   [[0,−1],[1,0]]
+// pair_attention: a two-sided attention layer, its messages in the edges' own frames.
+// Its degrees are {(0,0), (0,1), (1,0), (1,1)}. F₁ and F₂ rotate the two directions onto the first axis;
+// there the kernel commutes with SO(2)×SO(2), so per side only these survive, with r ↦ c their coefficients
+// (exact change of basis from J):
+//   0→0          c
+//   0→1 and 1→0  c along the axis
+//   1→1          c₀ on the axis, c₁·1 + c₂·𝒥 on the plane, 𝒥 = [[0,−1],[1,0]]
 // A two-sided kernel is the tensor product of the two sides' terms. Edges of length zero on a side keep J = 0
-// only. Radial coefficients come from sector tables (ops/sector_table.hpp). in  features T[pairs·K, fiber_in]
-// in  index u32[pairs·K, k]   in  positions T[pairs·K, 6] out T[pairs·K, fiber_out] error (float, against
-// double): 5e-5 of the largest output entry.
+// only. Radial coefficients come from sector tables (ops/sector_table.hpp).
+// in  features T[pairs·K, fiber_in]
+// in  index u32[pairs·K, k]
+// in  positions T[pairs·K, 6]
+// out features T[pairs·K, fiber_out]
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 #include <algorithm>
 #include <vector>
 
-#include "ops/linear.hpp"
+#include "ops/projected_relu.hpp"
 #include "ops/sector_table.hpp"
 
 namespace bitr::ops {
@@ -40,6 +44,8 @@ struct PairAttention {
   bool relu = false;
   DegreeMatrices planes;
   bool relu_square = false;  ///< ops::ProjectedRelu::square
+
+  double float_error() const { return relu_error(5e-5, relu_square); }
 };
 
 }  // namespace bitr::ops

@@ -3,19 +3,26 @@
 // are constants: LN(r w) = LN(w). With φ_j the Clebsch–Gordan products of direction and neighbour feature,
 //   φ⁰ = (f⁰_j ; v·f¹_j ; [v])                    n₀ = c₀ + c₁ (+ 3 with `direction`)
 //   φ¹ = (v f⁰_j ; K₀f¹_j ; K₁f¹_j ; K₂f¹_j)      n₁ = c₀ + 3 c₁
+//   K₀ = −1/√3,  K₁ = [v]×/√2,  K₂ = (3vvᵀ − 1)/√6
 // values and keys are linear in φ, so the layer is plain attention with key = value = φ:
-//   e_hj = ⟨Q_h, φ_j⟩, Q = M·f_i;   agg_h = Σ_j softmax_j(e_h) φ_j;   out = O·agg + S·f_i, then the projected
-//   ReLU.
-// K₀ = −1/√3, K₁ = [v]×/√2, K₂ = (3vvᵀ − 1)/√6.
+//   e_hj = ⟨Q_h, φ_j⟩,  Q = M·f_i
+//   agg_h = Σ_j softmax_j(e_h) φ_j
+//   out = O·agg + S·f_i, then the projected ReLU
 // An edge of length zero (duplicate points) has no direction, and its LayerNorm sees 0 instead of r w: its φ
 // is zero, and φᶻ = (f⁰_j, 1; f¹_j), zero for all other edges, takes its place with coefficients of its own.
-// in  features T[P, {(0,0): c₀, (1,0): c₁}]   in  index u32[Q, k]   in  centres T[Q, 3]   in  neighbours T[P,
-// 3] in  coefficients T[clouds, coefficient_count()] if `per_cloud`: M₀, O₀, S₀ of each cloud, in that order,
-// row-major out T[Q, {(0,0): m₀, (1,0): m₁}] error (float, against double): 2e-5 of the largest output entry
-// at k ≤ 64.
+// in  features T[P, {(0,0): c₀, (1,0): c₁}]
+// in  index u32[Q, k]
+// in  centres T[Q, 3]
+// in  neighbours T[P, 3]
+// in  coefficients T[clouds, coefficient_count()]    if `per_cloud`
+//       M₀, O₀, S₀, Mᶻ₀, Oᶻ₀ of each cloud, in that order, row-major
+// out features T[Q, {(0,0): m₀, (1,0): m₁}]
+// error float_error(), relative to the largest entry of the output, at k ≤ 64
 #pragma once
 
 #include <Eigen/Core>
+
+#include "ops/projected_relu.hpp"
 
 namespace bitr::ops {
 
@@ -26,8 +33,8 @@ struct PointAttention {
   bool uniform = false;    ///< no queries (zero centre features): plain mean over the neighbours, heads = 1
   bool direction = false;  ///< φ⁰ ends with v itself
   bool per_cloud = false;  ///< degree-0 coefficients come from a tensor
-  Eigen::MatrixXd M0,
-      M1;  ///< (heads·n₀) × (c₀+1), last column constant; (heads·n₁) × c₁, empty without keys there
+  /// (heads·n₀) × (c₀+1), last column constant; (heads·n₁) × c₁, empty without keys there
+  Eigen::MatrixXd M0, M1;
   Eigen::MatrixXd O0, O1;    ///< m₀ × (heads·n₀); m₁ × (heads·n₁)
   Eigen::MatrixXd S0, S1;    ///< m₀ × (c₀+1), last column constant; m₁ × c₁
   Eigen::MatrixXd Mz0, Mz1;  ///< (heads·(c₀+1)) × (c₀+1); (heads·c₁) × c₁, empty without keys there
@@ -42,6 +49,7 @@ struct PointAttention {
     const int from = c0 + 1;
     return heads * n0() * from + m0 * heads * n0() + m0 * from + heads * from * from + m0 * heads * from;
   }
+  double float_error() const { return relu_error(2e-5, relu_square); }
 };
 
 }  // namespace bitr::ops

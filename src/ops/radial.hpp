@@ -1,7 +1,10 @@
 // radial: the small network φ(lengths) of an equivariant kernel, one per (degree in, degree out).
 //   Linear(e → 32, no bias) → LN → LeakyReLU(0.2) → Linear(32 → 32) → LN → LeakyReLU(0.2) → Linear(32 → n)
-// scale degree 1: no LN, no bias, so φ is positively homogeneous of degree 1.
-// in  lengths T[E, e]     out T[E, n], n = c_out · c_in · freq, freq fastest
+// Scale degree 1: no LN, no bias, so φ is positively homogeneous of degree 1.
+// in  lengths T[E, e]
+// out coefficients T[E, n]      n = c_out · c_in · freq, freq fastest
+// error that of the operation that evaluates it
+// source eq. 74 of the paper: how two-sided networks are tied
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +20,7 @@ constexpr double leaky_slope = 0.2;
 
 struct RadialNetwork {
   int scale_degree = 0;
-  double eps = 1e-8;   ///< of both LayerNorms; 0 in scale-exact mode, where no variance gives the bias
+  double eps = 1e-8;   ///< both LayerNorms'; 0 in scale-exact mode, where no variance gives the bias
   Eigen::MatrixXd w1;  ///< 32 × e
   Eigen::VectorXd gain1, bias1;
   Eigen::MatrixXd w2;  ///< 32 × 32

@@ -1,10 +1,13 @@
-// sector_table: a two-input radial network, exactly, without the network. Along a ray ρ = (r₁, r₂) the
-// activation pattern of its LeakyReLUs is fixed (the first layer has no bias), so the quadrant splits into
-// sectors:
+// sector_table: a two-input radial network, exactly, without the network.
+// Along a ray ρ = (r₁, r₂) the activation pattern of its LeakyReLUs is fixed (the first layer has no bias),
+// so the quadrant splits into sectors:
 //   scale degree 1:  R = A_s ρ
 //   scale degree 0:  (x, y) = ρ/√(q(ρ)+eps);  v = (x, y, 1)/√(Q_s(x, y, 1)+eps);  R = B_s v + c_s
 // with q, Q_s the LayerNorms' variances as quadratic forms. The pattern is the eps = 0 one, so where eps
 // matters (q(ρ) or Q_s below 1e4·eps, or 0) the network itself is evaluated.
+// in  lengths T[E, 2]
+// out coefficients T[E, size]   added to those of other tables, from `begin` on
+// error that of the operation that evaluates it
 #pragma once
 
 #include <Eigen/Core>

@@ -1,9 +1,13 @@
-// sum: of tensors of one shape, in the order given.
-// in  two or more T[rows, width]     out T[rows, width]
+// sum: adds tensors of one shape in the order given.
+// in  addends T[rows, width]    two or more
+// out sum T[rows, width]
+// error float_error(), relative to the largest entry of the output
 #pragma once
 
 namespace bitr::ops {
 
-struct Sum {};
+struct Sum {
+  double float_error() const { return 1e-5; }
+};
 
 }  // namespace bitr::ops

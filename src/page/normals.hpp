@@ -8,8 +8,8 @@
 
 namespace bitr::view {
 
-/// Of a plane through each point's neighbours, either side: unit vectors, one per point. The tree is over the
-/// points.
+/// Unit normals of planes through each point's neighbours, one per point, on either side. The tree is over
+/// the points.
 std::vector<Vec3f> fitted_normals(const PointTree& tree, const std::vector<Vec3d>& points);
 
 }  // namespace bitr::view

@@ -32,8 +32,8 @@ std::uint8_t eight_bit(float value) {
 
 }  // namespace
 
-Colour colour_of(Role role) {
-  return role == Role::source ? Colour{0.95F, 0.50F, 0.08F} : Colour{0.16F, 0.45F, 0.82F};
+Color color_of(Role role) {
+  return role == Role::source ? Color{0.95F, 0.50F, 0.08F} : Color{0.16F, 0.45F, 0.82F};
 }
 
 float splat_radius(float spacing, int picture_width) {
@@ -49,7 +49,7 @@ Canvas::Canvas(int width, int height)
 // A ball's silhouette and relief, made once for all points of a cloud.
 struct Canvas::Stamp {
   struct Dot {
-    std::ptrdiff_t offset = 0;  ///< of the sample, from the centre's
+    std::ptrdiff_t offset = 0;  ///< from the centre's sample to this one
     float depth = 0;            ///< pixels towards the viewer, 0 at the rim
     float light = 0;            ///< added to the point's own
   };
@@ -144,12 +144,12 @@ void Canvas::resolve(Image& image, int left) const {
           r += 1, g += 1, b += 1;
           continue;
         }
-        const Colour colour = colour_of(sample.role);
+        const Color color = color_of(sample.role);
         const float light = static_cast<float>(sample.light) / 255 * shade(x, y);
         const float pale = 0.45F * (nearest - sample.depth) / range;
-        r += light * (colour.r + pale * (1 - colour.r));
-        g += light * (colour.g + pale * (1 - colour.g));
-        b += light * (colour.b + pale * (1 - colour.b));
+        r += light * (color.r + pale * (1 - color.r));
+        g += light * (color.g + pale * (1 - color.g));
+        b += light * (color.b + pale * (1 - color.b));
       }
       std::uint8_t* pixel = &image.rgb[3 * (static_cast<std::size_t>(row) * image.width + left + column)];
       constexpr float mean = 1.0F / (samples * samples);

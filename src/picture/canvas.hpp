@@ -10,10 +10,10 @@
 
 namespace bitr::picture {
 
-struct Colour {
+struct Color {
   float r = 0, g = 0, b = 0;  ///< sRGB, 0 … 1
 };
-Colour colour_of(Role role);
+Color color_of(Role role);
 
 class Canvas {
  public:

@@ -63,10 +63,10 @@ const Glyph* find_glyph(char letter) {
   return found == std::end(glyphs) ? nullptr : found;
 }
 
-void blend(Image& image, int x, int y, const Colour& colour, float cover) {
+void blend(Image& image, int x, int y, const Color& color, float cover) {
   if (x < 0 || x >= image.width || y < 0 || y >= image.height) return;
   std::uint8_t* pixel = &image.rgb[3 * (static_cast<std::size_t>(y) * image.width + x)];
-  const float channels[3] = {colour.r, colour.g, colour.b};
+  const float channels[3] = {color.r, color.g, color.b};
   for (int i = 0; i < 3; ++i) {
     const float under = pixel[i];
     pixel[i] = static_cast<std::uint8_t>(std::lround(under + cover * (255 * channels[i] - under)));
@@ -79,13 +79,13 @@ int text_width(std::string_view text) {
   return std::max(0, advance * static_cast<int>(text.size()) - (advance - letter_width));
 }
 
-void draw_text(Image& image, std::string_view text, int left, int top, int letter, const Colour& colour) {
+void draw_text(Image& image, std::string_view text, int left, int top, int letter, const Color& color) {
   for (const char c : text) {
     if (const Glyph* glyph = find_glyph(c)) {
       for (int row = 0; row < text_height; ++row)
         for (int column = 0; column < letter_width; ++column)
           if (glyph->rows[row] >> (letter_width - 1 - column) & 1)
-            fill(image, left + column * letter, top + row * letter, letter, letter, colour);
+            fill(image, left + column * letter, top + row * letter, letter, letter, color);
     }
     left += advance * letter;
   }
@@ -97,8 +97,8 @@ std::string with_commas(std::size_t number) {
   return digits;
 }
 
-void draw_mark(Image& image, float x, float y, float radius, float rim, const Colour& inside,
-               const Colour& edge) {
+void draw_mark(Image& image, float x, float y, float radius, float rim, const Color& inside,
+               const Color& edge) {
   const float outer = radius + rim;
   const auto cover = [](float from_centre, float reach) {
     return std::clamp(reach + 0.5F - from_centre, 0.0F, 1.0F);
@@ -113,9 +113,9 @@ void draw_mark(Image& image, float x, float y, float radius, float rim, const Co
   }
 }
 
-void fill(Image& image, int left, int top, int width, int height, const Colour& colour) {
+void fill(Image& image, int left, int top, int width, int height, const Color& color) {
   for (int y = top; y < top + height; ++y)
-    for (int x = left; x < left + width; ++x) blend(image, x, y, colour, 1);
+    for (int x = left; x < left + width; ++x) blend(image, x, y, color, 1);
 }
 
 }  // namespace bitr::picture

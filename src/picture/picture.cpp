@@ -15,7 +15,7 @@ namespace {
 
 using namespace picture;
 
-constexpr Colour white = {1, 1, 1}, black = {0.13F, 0.13F, 0.15F}, grey = {0.45F, 0.45F, 0.48F};
+constexpr Color white = {1, 1, 1}, black = {0.13F, 0.13F, 0.15F}, grey = {0.45F, 0.45F, 0.48F};
 
 [[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
 
@@ -31,7 +31,7 @@ void check(const PictureOptions& options) {
     refuse("a picture's view is no rotation");
 }
 
-Colour darker(const Colour& colour, float by) { return {colour.r * by, colour.g * by, colour.b * by}; }
+Color darker(const Color& color, float by) { return {color.r * by, color.g * by, color.b * by}; }
 
 // Over everything: key points lie inside the shape. The source's are smaller, so both show where they meet.
 void mark_key_points(Image& image, const Scene& scene, const Panel& panel) {
@@ -42,7 +42,7 @@ void mark_key_points(Image& image, const Scene& scene, const Panel& panel) {
       for (const Eigen::Vector3f& point : part.cloud->key_points) {
         const Eigen::Vector3f at = scene.project(panel, point + part.offset);
         draw_mark(image, at[0], at[1], (role == Role::source ? 1.5F : 2.5F) * size, 0.7F * size,
-                  darker(colour_of(role), 0.62F), white);
+                  darker(color_of(role), 0.62F), white);
       }
     }
   }
@@ -50,11 +50,11 @@ void mark_key_points(Image& image, const Scene& scene, const Panel& panel) {
 
 void write_captions(Image& image, const Scene& scene, const Panel& panel) {
   const int top = image.height - scene.caption_height;
-  const auto centred = [&](const std::string& text, int line, const Colour& colour) {
+  const auto centred = [&](const std::string& text, int line, const Color& color) {
     const int left = static_cast<int>(std::lround(panel.middle[0])) - text_width(text) * scene.letter / 2;
-    draw_text(image, text, left, top + line * scene.letter, scene.letter, colour);
+    draw_text(image, text, left, top + line * scene.letter, scene.letter, color);
   };
-  centred(panel.title, 2, panel.parts.size() > 1 ? black : darker(colour_of(panel.parts[0].role), 0.85F));
+  centred(panel.title, 2, panel.parts.size() > 1 ? black : darker(color_of(panel.parts[0].role), 0.85F));
   centred(panel.note, 15, grey);
 }
 

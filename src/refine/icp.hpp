@@ -13,7 +13,7 @@
 namespace bitr::refine {
 
 struct IcpOptions {
-  double keep = 0.8;        ///< of min(N, M) points; at least three are kept
+  double keep = 0.8;        ///< share of min(N, M) points; at least three are kept
   double tolerance = 1e-3;  ///< stop when the entries of R and t together change by less
   int most_iterations = 500;
 };
@@ -22,7 +22,7 @@ struct IcpResult {
   Pose T_reference_source;
   int iterations = 0;
   bool converged = false;
-  double rmse = 0;  ///< of the kept points at the last matching, in the clouds' units
+  double rmse = 0;  ///< over the kept points at the last matching, in the clouds' units
   std::size_t workspace_bytes = 0;
 };
 

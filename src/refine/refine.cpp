@@ -27,7 +27,7 @@ constexpr std::size_t most_transported = 4'096;
 constexpr std::size_t most_together = 1 << 19;
 // A pair with more is left to the CPU: a device binds 128 MiB at least, eight million points.
 constexpr std::size_t most_on_device = std::size_t{1} << 22;
-// Of a proposal's overlap, this much must have been near at the start.
+// This share of a proposal's overlap must have been near at the start.
 constexpr double least_near = 0.5;
 
 [[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
@@ -267,7 +267,7 @@ class Refiner : public Stepper {
 
   // What the method works on and ends with.
   std::vector<Vec3d> source_points_, reference_points_, source_normals_, reference_normals_;
-  double scale_ = 1;  // of these points
+  double scale_ = 1;  // what the clouds' lengths were multiplied by
   std::vector<TransportStage> stages_;
   std::optional<Icp> official_icp_;
   std::unique_ptr<Stepper> method_;

@@ -14,8 +14,8 @@ struct Fit {
   double overlap = 0;       ///< share of the source's points with a counterpart
   double most_overlap = 0;  ///< the larger of the two clouds' shares
   double most_near = 0;     ///< the same within twice the length
-  double rmse = 0;          ///< of their distances
-  std::size_t inliers = 0;  ///< how many they are
+  double rmse = 0;          ///< root mean square of the inliers' distances
+  std::size_t inliers = 0;  ///< the source's points with a counterpart
 };
 
 /// The length beyond which points are not each other's counterparts.

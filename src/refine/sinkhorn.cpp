@@ -17,7 +17,7 @@ constexpr double negligible = 50;
 /// A row of all coordinates.
 using Point = Eigen::Array<double, Eigen::Dynamic, 1, 0, 6, 1>;
 
-/// Of positions alone: no more than of all coordinates.
+/// From positions alone: no more than from all coordinates.
 double squared_distance(const Point& point, const Vec3d& low, const Vec3d& high) {
   double sum = 0;
   for (int a = 0; a < 3; ++a) {

@@ -15,10 +15,10 @@ namespace bitr::refine {
 /// Points that look for their nearest in a cloud.
 struct Search {
   const std::vector<Vec3d>& in;
-  const PointTree& tree;   ///< of `in`
+  const PointTree& tree;   ///< holds `in`
   const void* from;        ///< the same for points that differ from earlier ones by a rigid motion only
-  std::size_t count = 0;   ///< of the points that look
-  std::size_t wanted = 1;  ///< of the nearest, 1 or most_wanted
+  std::size_t count = 0;   ///< how many points look
+  std::size_t wanted = 1;  ///< how many nearest each wants, 1 or most_wanted
   static constexpr std::size_t most_wanted = 16;
 
   std::function<Vec3d(std::size_t)> point;  ///< where the i-th looks from
@@ -31,7 +31,7 @@ struct PlanWanted;
 
 struct Wanted {
   std::vector<Search> searches;
-  PlanWanted* plan = nullptr;  ///< of transport.hpp
+  PlanWanted* plan = nullptr;  ///< refine/transport.hpp
   bool nothing() const { return searches.empty() && !plan; }
 };
 
@@ -44,7 +44,7 @@ class Stepper {
   virtual void step() = 0;
 };
 
-/// Of one of its points: rows and squared distances of at least one and at most `wanted`; how many.
+/// Looks from one place: rows and squared distances of at least one and at most `wanted`; returns how many.
 std::size_t nearest(const Search& search, const Vec3d& from, std::uint32_t* index, double* squared);
 /// Answers one search on the CPU.
 void find(const Search& search, const Workers& workers);

@@ -15,7 +15,7 @@
 namespace bitr::refine {
 
 struct Surface {
-  Vec3d centroid{};            ///< of the points as given
+  Vec3d centroid{};            ///< the points' centroid as given
   std::vector<Vec3d> points;   ///< less the centroid
   std::vector<Vec3d> normals;  ///< empty, or one unit vector per point
   std::vector<std::uint32_t>

@@ -16,13 +16,13 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 // All measured on generated pairs, see docs/refinement.md.
 constexpr double share_exponent = 1.3;   // λ of the fractional RMSD
-constexpr double least_share = 0.1;      // of the matches that are kept
+constexpr double least_share = 0.1;      // at least this share of the matches is kept
 constexpr double biweight_spacings = 4;  // where Tukey's biweight ends …
 constexpr double biweight_rmse = 2.5;  // … or so many times the kept matches' deviation, if that is longer
 constexpr double slide = 0.02;         // ε: what holds surfaces along which points can slide
 constexpr double most_normal_length = 8, first_normal_length = 4;  // λ, in the same scale
-constexpr double least_cosine = 0.3;                               // of matched normals
-constexpr double tolerance = 1e-3;  // of a step's motion of the points, in spacings
+constexpr double least_cosine = 0.3;                               // between matched normals
+constexpr double tolerance = 1e-3;  // a step that moves points by less is the last; in spacings
 constexpr double most_turn = 0.5;   // radians in one step, where the linear solution means nothing
 
 double median(std::vector<double>& values) {
@@ -194,7 +194,7 @@ class Aligner : public Stepper {
   SurfaceIcpResult& result_;
   bool normals_ = false, fine_ = false;
   double spacing_ = 0, radius_ = 0;
-  double scale_ = 0;  ///< of the kept matches' distances, a spacing at least
+  double scale_ = 0;  ///< root mean square of the kept matches' distances, a spacing at least
   MatchRule rule_;
   std::vector<Match> matches_;
   std::vector<double> weights_;

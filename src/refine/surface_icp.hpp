@@ -12,7 +12,7 @@
 namespace bitr::refine {
 
 struct SurfaceIcpOptions {
-  std::optional<double> keep = {};  ///< of the smaller cloud's points; empty: estimated
+  std::optional<double> keep = {};  ///< share of the smaller cloud's points; empty: estimated
   bool oriented = true;             ///< see MatchRule
   int most_iterations = 100;
 };

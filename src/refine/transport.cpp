@@ -9,7 +9,7 @@
 namespace bitr::refine {
 namespace {
 
-// Of weights, where nothing has a counterpart (as in the official code).
+// Added to sums of weights, which are 0 where nothing has a counterpart (as in the official code).
 constexpr double least_weight = 1e-5;
 
 double frobenius_change(const Pose& a, const Pose& b) {
@@ -96,7 +96,7 @@ class Steps : public Stepper {
   std::optional<Sinkhorn> plan_;
   Eigen::MatrixXd from_;
   std::optional<PlanWanted> wanted_;
-  int iterations_ = 0;     // of this stage
+  int iterations_ = 0;     // in this stage
   bool hopeless_ = false;  // the slack takes everything
 };
 

@@ -30,7 +30,7 @@ struct TransportStage {
 
 struct TransportResult {
   Pose T_reference_source;
-  int iterations = 0;      ///< of all stages
+  int iterations = 0;      ///< over all stages
   bool converged = false;  ///< the last stage
   std::size_t workspace_bytes = 0;
 };

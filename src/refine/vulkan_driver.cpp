@@ -51,7 +51,7 @@ class Searcher {
   }
 
  private:
-  /// Of clouds that are new: their trees, and the order in which their points look.
+  /// Makes the trees of clouds that are new, and the order in which their points look.
   void make_ready(const std::vector<const Search*>& searches) {
     std::vector<const std::vector<Vec3d>*> clouds;
     std::vector<const Search*> looking;

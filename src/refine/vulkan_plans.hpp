@@ -18,7 +18,7 @@ class VulkanPlans {
   void run(std::span<PlanWanted* const> plans);
   /// Whether single precision holds it.
   static bool fits(const PlanWanted& wanted);
-  /// Of memory on the device and for it.
+  /// Memory held on the device and for it.
   std::size_t bytes() const { return sinkhorn_.bytes(); }
 
  private:

@@ -14,10 +14,10 @@ std::string with_tip(const std::string& name, const std::string& attributes, con
 
 }  // namespace
 
-const char* colour(std::size_t n) {
-  static constexpr const char* colours[] = {"#1f6fb4", "#d1495b", "#2e8b57", "#8e5ea2",
-                                            "#e08e0b", "#17a2a2", "#7a5230", "#555555"};
-  return colours[n % std::size(colours)];
+const char* color(std::size_t n) {
+  static constexpr const char* colors[] = {"#1f6fb4", "#d1495b", "#2e8b57", "#8e5ea2",
+                                           "#e08e0b", "#17a2a2", "#7a5230", "#555555"};
+  return colors[n % std::size(colors)];
 }
 
 std::string number(double value, const char* format) {
@@ -46,30 +46,30 @@ std::string text_at(double x, double y, const std::string& text, const char* anc
          escaped(text) + "</text>\n";
 }
 
-std::string line(double x1, double y1, double x2, double y2, const std::string& colour) {
+std::string line(double x1, double y1, double x2, double y2, const std::string& color) {
   return "<line x1=\"" + number(x1) + "\" y1=\"" + number(y1) + "\" x2=\"" + number(x2) + "\" y2=\"" +
-         number(y2) + "\" stroke=\"" + colour + "\"/>\n";
+         number(y2) + "\" stroke=\"" + color + "\"/>\n";
 }
 
-std::string circle(double x, double y, double radius, const std::string& colour, const std::string& tip) {
+std::string circle(double x, double y, double radius, const std::string& color, const std::string& tip) {
   return with_tip("circle",
                   " cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"" + number(radius) + "\" fill=\"" +
-                      colour + "\"",
+                      color + "\"",
                   tip);
 }
 
-std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& colour) {
+std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& color) {
   std::string places;
   for (const auto& [x, y] : points) places += number(x) + "," + number(y) + " ";
-  return "<polyline fill=\"none\" stroke=\"" + colour + "\" stroke-width=\"1.5\" points=\"" + places +
+  return "<polyline fill=\"none\" stroke=\"" + color + "\" stroke-width=\"1.5\" points=\"" + places +
          "\"/>\n";
 }
 
-std::string rectangle(double x, double y, double width, double height, const std::string& colour,
+std::string rectangle(double x, double y, double width, double height, const std::string& color,
                       const std::string& tip) {
   return with_tip("rect",
                   " x=\"" + number(x) + "\" y=\"" + number(y) + "\" width=\"" + number(width) +
-                      "\" height=\"" + number(height) + "\" fill=\"" + colour + "\"",
+                      "\" height=\"" + number(height) + "\" fill=\"" + color + "\"",
                   tip);
 }
 

@@ -8,7 +8,7 @@
 namespace bitr::svg {
 
 /// The look of the n-th line of a chart; distinct for eight.
-const char* colour(std::size_t n);
+const char* color(std::size_t n);
 
 std::string number(double value, const char* format = "%.4g");
 
@@ -18,12 +18,12 @@ std::string escaped(const std::string& text);
 /// `anchor`: start, middle or end. `more`: further attributes, with a blank in front.
 std::string text_at(double x, double y, const std::string& text, const char* anchor, const char* more = "");
 
-std::string line(double x1, double y1, double x2, double y2, const std::string& colour);
+std::string line(double x1, double y1, double x2, double y2, const std::string& color);
 /// `tip`: what a pointer that rests there is told; may be empty.
-std::string circle(double x, double y, double radius, const std::string& colour, const std::string& tip = {});
+std::string circle(double x, double y, double radius, const std::string& color, const std::string& tip = {});
 /// "x,y x,y " of all points.
-std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& colour);
-std::string rectangle(double x, double y, double width, double height, const std::string& colour,
+std::string polyline(const std::vector<std::pair<double, double>>& points, const std::string& color);
+std::string rectangle(double x, double y, double width, double height, const std::string& color,
                       const std::string& tip = {});
 
 /// From numbers to places on the page.
@@ -42,7 +42,7 @@ class Axis {
       : logarithmic_(logarithmic), low_(low), high_(high), from_(from), to_(to) {}
 
   bool logarithmic_;
-  double low_, high_;  ///< of the logarithms where it is logarithmic
+  double low_, high_;  ///< logarithms where the axis is logarithmic
   double from_, to_;
 };
 

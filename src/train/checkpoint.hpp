@@ -13,7 +13,7 @@ struct TrainState {
   std::vector<double> average;
   std::uint64_t step = 0;  ///< steps done, skipped ones included
   std::uint64_t skipped_steps = 0, skipped_in_row = 0, skipped_samples = 0;
-  DataPosition position;  ///< of the next sample: with the seed, all there is of random numbers
+  DataPosition position;  ///< where the next sample is: with the seed, all there is of random numbers
   std::optional<double> best_score;
   std::uint64_t best_step = 0, validations_since_best = 0;
   double seconds = 0;  ///< spent training, over all processes

@@ -24,21 +24,21 @@ std::vector<std::pair<double, double>> thinned(const std::vector<std::pair<doubl
   constexpr std::size_t most = 400;
   if (points.size() <= most) return points;
   const double first = std::log(points.front().first), last = std::log(points.back().first);
-  std::vector<std::pair<double, double>> kept;
+  std::vector<std::pair<double, double>> means;
   std::vector<std::size_t> counts;
   std::size_t bin_before = most;
   for (const auto& [x, y] : points) {
     const auto bin = static_cast<std::size_t>((std::log(x) - first) / (last - first) * (most - 1));
     if (bin != bin_before) {
-      kept.emplace_back(0, 0);
+      means.emplace_back(0, 0);
       counts.push_back(0);
     }
     bin_before = bin;
     const double n = static_cast<double>(++counts.back());
-    kept.back().first += (x - kept.back().first) / n;
-    kept.back().second += (y - kept.back().second) / n;
+    means.back().first += (x - means.back().first) / n;
+    means.back().second += (y - means.back().second) / n;
   }
-  return kept;
+  return means;
 }
 
 std::string panel(double top, const std::string& title, const std::vector<Line>& lines, double first_step,
@@ -57,17 +57,17 @@ std::string panel(double top, const std::string& title, const std::vector<Line>&
   chart += svg::grid({left, top, width, height}, x, y);
   chart += text_at(left + width / 2, top + height + 32, "step", "middle");
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const std::string colour = svg::colour(i);
+    const std::string color = svg::color(i);
     auto points = thinned(lines[i].points);
     for (auto& [px, py] : points) {
       px = x.at(px);
       py = y.at(py);
     }
-    chart += svg::polyline(points, colour);
+    chart += svg::polyline(points, color);
     if (points.size() <= few)
-      for (const auto& [px, py] : points) chart += svg::circle(px, py, 2.5, colour);
+      for (const auto& [px, py] : points) chart += svg::circle(px, py, 2.5, color);
     const double row = top + 14 + 18 * static_cast<double>(i);
-    chart += svg::rectangle(left + width + 14, row - 8, 14, 4, colour) +
+    chart += svg::rectangle(left + width + 14, row - 8, 14, 4, color) +
              text_at(left + width + 34, row, lines[i].name, "start");
     if (!lines[i].points.empty())
       chart += text_at(left + width + 14 + legend, row, number(lines[i].points.back().second, "%.3g"), "end");

@@ -12,7 +12,7 @@
 
 namespace bitr::train {
 
-/// Of a pair (ops/loss.hpp).
+/// A pair's row of the loss's input `truth` (ops/loss.hpp).
 using Truth = std::array<double, ops::truth_width>;
 
 class VulkanSteps {

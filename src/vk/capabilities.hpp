@@ -33,12 +33,12 @@ struct Capabilities {
   std::uint32_t storage_buffers = 0;
   std::uint64_t storage_range = 0;
   std::uint64_t uniform_range = 0;
-  std::uint64_t offset_alignment = 256;  ///< of a binding, as the device asks
-  std::uint64_t alignment = 256;         ///< of every binding's offset, as the library lays them out
+  std::uint64_t offset_alignment = 256;  ///< what the device asks of a binding's offset
+  std::uint64_t alignment = 256;         ///< what the library gives every binding's offset
   std::uint32_t groups = 65535;          ///< work groups along x
   std::uint32_t invocations = 128;
   std::uint32_t shared_bytes = 16384;
-  std::uint64_t memory_bytes = 0;  ///< of the largest device-local heap
+  std::uint64_t memory_bytes = 0;  ///< the largest device-local heap
   std::uint32_t loop_limit = std::numeric_limits<std::uint32_t>::max();
   std::vector<const Quirk*> quirks;
 

@@ -28,7 +28,6 @@ class CgProductKernel : public Kernel {
         add_constant(term.coefficient);
       }
     }
-    const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     const auto k = number(site.in.size() > 2 ? site.in[2].per_row : 0);
     pipeline_ = &site.context.pipeline(
         shader, std::array{group_size, k, number(op.channels), number(op.shared), number(op.a.dim()),
@@ -58,7 +57,7 @@ class CgProductKernel : public Kernel {
 
  private:
   const ops::CgProduct op_;
-  std::size_t terms_ = 0;  // of the component that has most
+  std::size_t terms_ = 0;  // how many the component with most of them has
   const Pipeline* pipeline_ = nullptr;
   const Capabilities& capabilities_;
 };

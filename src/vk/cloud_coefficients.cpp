@@ -27,7 +27,6 @@ class CloudCoefficientsKernel : public Kernel {
     for (const MatrixXd& matrix : cloud_layer_weights(op, site.in[1].width)) add_constants(matrix);
     require(extra, c1, heads * (c0 + 2 * c1 + op.full.c0 + 1) + layer.m0 * (1 + heads), layer);
 
-    const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     pipeline_ =
         &site.context.pipeline(shader, std::array{number(work_group), number(c0), number(c1),
                                                   number(site.in[1].width), number(layer.m0), number(heads)});
@@ -44,7 +43,7 @@ class CloudCoefficientsKernel : public Kernel {
   }
 
  private:
-  // Of all loops of an invocation.
+  // Iterations of all loops of an invocation.
   static std::size_t iterations(int extra, int c1, int rows, const ops::PointAttention& layer) {
     const auto rounds = [](int count) { return (count + work_group - 1) / work_group; };
     const int from = layer.c0 + 1;

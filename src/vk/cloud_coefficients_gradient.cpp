@@ -8,6 +8,7 @@
 #include "ops/constants.hpp"
 #include "vk/cloud_coefficients.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -51,7 +52,6 @@ class CloudCoefficientsGradient : public Kernel {
     codes_offset_ = sizeof(std::uint32_t) * constants().size();
     add_codes();
 
-    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t globals = number(site.in[globals_input].width), m0 = number(op.op.layer.m0),
                         heads = number(op.op.layer.heads);
     number_pipeline_ = &site.context.pipeline(
@@ -94,7 +94,7 @@ class CloudCoefficientsGradient : public Kernel {
   }
 
  private:
-  // Of all loops of an invocation of the first shader.
+  // The first shader's cost; throws where its loops or its shared numbers would be too many.
   void require() {
     const ops::PointAttention& layer = op_.op.layer;
     const auto rounds = [](int count) { return (count + int{work_group} - 1) / int{work_group}; };
@@ -112,7 +112,7 @@ class CloudCoefficientsGradient : public Kernel {
 
   std::size_t numbers_bytes(std::uint32_t clouds) const {
     const std::size_t bytes = sizeof(float) * static_cast<std::size_t>(extra_ + 3 * c1_) * clouds;
-    return (bytes + 255) / 256 * 256;
+    return scratch_aligned(bytes);
   }
 
   void add_code(Kind kind, int at, int column) {

@@ -30,7 +30,7 @@ graph::BatchLayout gathered(graph::BatchLayout layout) {
   return layout;
 }
 
-// Of every node, the one that is its gradient or that it is the gradient of; −1: none.
+// For every node, the one that is its gradient or that it is the gradient of; −1: none.
 std::vector<int> gradients(const graph::Graph& graph) {
   std::vector<int> partner(graph.nodes.size(), -1), made_by(graph.tensors.size(), -1);
   for (int n = 0; n < static_cast<int>(graph.nodes.size()); ++n) {

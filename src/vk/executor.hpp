@@ -77,7 +77,7 @@ class Executor {
     VkCommandBuffer commands;
     std::size_t begin, end;  // dispatches
   };
-  // Of a node, besides its tensors.
+  // What a node has besides its tensors.
   struct NodeMemory {
     std::size_t inputs = 0, outputs = 0;  // tensors of its own
     graph::TensorId scratch = graph::no_tensor, saved = graph::no_tensor, lists = graph::no_tensor;
@@ -105,7 +105,7 @@ class Executor {
 
   std::shared_ptr<const Context> context_;
   graph::Graph graph_;
-  std::size_t own_tensors_ = 0;  // of the graph; the nodes' memory follows
+  std::size_t own_tensors_ = 0;  // so many are the graph's; the nodes' memory follows
   std::vector<graph::TensorId> inputs_, outputs_;
   std::vector<NodeMemory> memory_;
   graph::BatchLayout largest_;
@@ -121,7 +121,7 @@ class Executor {
   bool prepared_ = false;
   bool recorded_ = false;  // submissions_ do what schedule_ says
   Tables tables_;
-  Range centroids_;  // of host_buffers' clouds, in table_buffer_
+  Range centroids_;  // those of host_buffers' clouds, in table_buffer_
   std::vector<Slot> slots_;
   Schedule schedule_, host_schedule_;
   Recorder recorder_, host_recorder_;

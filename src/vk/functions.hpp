@@ -35,7 +35,7 @@ namespace bitr::vk {
 struct InstanceFunctions {
 #define BITR_VK_MEMBER(name) PFN_vk##name name = nullptr;
   BITR_VK_INSTANCE_FUNCTIONS(BITR_VK_MEMBER)
-  // Of VK_EXT_debug_utils; null unless it is enabled.
+  // From VK_EXT_debug_utils; null unless it is enabled.
   PFN_vkCreateDebugUtilsMessengerEXT CreateDebugUtilsMessengerEXT = nullptr;
   PFN_vkDestroyDebugUtilsMessengerEXT DestroyDebugUtilsMessengerEXT = nullptr;
 

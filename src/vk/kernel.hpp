@@ -15,6 +15,12 @@ namespace bitr::vk {
 /// Rows of a segment (cloud or pair) that one work group takes; also its size.
 constexpr std::uint32_t tile_rows = 32;
 
+/// A size, count or flag as shaders take it.
+template <class Integer>
+constexpr std::uint32_t number(Integer x) {
+  return static_cast<std::uint32_t>(x);
+}
+
 /// Numbers of a row are padded to whole vec4s, so that a shader may read any tensor either way.
 constexpr std::uint32_t padded(int width) { return (static_cast<std::uint32_t>(width) + 3) / 4 * 4; }
 
@@ -44,10 +50,10 @@ struct Arguments {
   Schedule& schedule;
   const graph::BatchLayout& layout;
   const Tables& tables;
-  Range constants;  ///< of this kernel
-  Range scratch;    ///< of this kernel
+  Range constants;  ///< this kernel's
+  Range scratch;    ///< this kernel's
   Range saved;      ///< what an operation leaves for its gradient; empty: nothing
-  Range lists;      ///< of Kernel::listed_input(); empty: nobody has made them
+  Range lists;      ///< shared edge lists of listed_input(); empty when no kernel has built them yet
   bool make_lists;  ///< this kernel is the one to
   std::span<const Slot> in;
   std::span<const Slot> out;
@@ -155,7 +161,7 @@ std::vector<TileRun> tile_runs(const RowTable& table, const Capabilities& capabi
 
 /// The part of an index tensor that a run of tiles touches.
 Range rows_of(const Slot& index, const TileRun& run);
-/// Of any tensor with rows of so many bytes, and up to `beyond` rows after the run's last.
+/// The same for any tensor with rows of so many bytes, with up to `beyond` rows after the run's last.
 Range rows_of(const Range& rows, std::size_t row_bytes, const TileRun& run, std::size_t beyond = 0);
 
 /// Rows that kernels without tiles take in one dispatch.

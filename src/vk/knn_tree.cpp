@@ -11,6 +11,7 @@
 #include "knn_tree_scan.spv.hpp"
 #include "knn_tree_scatter.spv.hpp"
 #include "knn_tree_shuffle.spv.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -52,7 +53,7 @@ struct Parts {
 Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
   const std::size_t points = layout.rows(graph::Rows::point), clouds = layout.clouds();
   const auto after = [alignment](std::size_t begin, std::size_t bytes) {
-    return (begin + bytes + alignment - 1) / alignment * alignment;
+    return aligned(begin + bytes, alignment);
   };
   Parts parts{};
   parts.grids = after(parts.sorted, 16 * points);

@@ -24,7 +24,6 @@ class MeanDirectionKernel : public Kernel {
       if (layer.m1 > 0) add_constants(layer.O1.col(h) * c);
     }
     pad_constants(4);
-    const auto number = [](auto x) { return static_cast<std::uint32_t>(x); };
     pipeline_ =
         &site.context.pipeline(shader, std::array{tile_rows, number(site.in[1].per_row), number(layer.m0),
                                                   number(layer.m1), number(layer.heads), number(layer.relu),

@@ -9,7 +9,7 @@ KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MeanDi
   return make_point_gradient(site, op.op.general,
                              {.index = 1,
                               .centres = 0,
-                              .neighbours = 0,
+                              .neighbors = 0,
                               .grad_output = op.grad_output_at(0),
                               .d_constants = op.constants_at(),
                               .constant = op.op.constant});

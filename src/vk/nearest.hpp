@@ -32,8 +32,8 @@ class Nearest {
 
   struct Request {
     std::uint32_t cloud = 0;
-    std::uint32_t wanted = 1;  ///< of the nearest, 1 or most_wanted
-    std::size_t count = 0;     ///< of the points that look
+    std::uint32_t wanted = 1;  ///< how many nearest each wants, 1 or most_wanted
+    std::size_t count = 0;     ///< how many points look
   };
 
   explicit Nearest(const Context& context);
@@ -55,7 +55,7 @@ class Nearest {
   struct Group {
     std::uint32_t wanted;
     const Pipeline* pipeline;
-    std::size_t rows = 0, first_row = 0, first_tile = 0;  // of all groups' queries and tiles
+    std::size_t rows = 0, first_row = 0, first_tile = 0;  // among all groups' queries and tiles
     std::vector<std::array<std::uint32_t, 4>> tiles = {};
     std::size_t index_begin = 0;  // bytes
   };
@@ -66,7 +66,7 @@ class Nearest {
 
   const Context& context_;
   std::vector<Cloud> clouds_;
-  std::size_t uploaded_ = 0;  // of them
+  std::size_t uploaded_ = 0;  // so many of them are on the device
   std::vector<Group> groups_;
   std::vector<Place> places_;
   Buffer cloud_buffer_, staging_, input_, index_, readback_;

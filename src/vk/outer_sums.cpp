@@ -25,7 +25,6 @@ constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t most_tiles = 65000;  // one loop goes through them all
 
 std::uint32_t blocks(std::uint32_t size) { return (size + block - 1) / block; }
-std::uint32_t number(std::size_t x) { return static_cast<std::uint32_t>(x); }
 
 }  // namespace
 

@@ -32,10 +32,10 @@ class OuterSums {
     Range jobs, places;  ///< this class's numbers on the device
     Range partials;
   };
-  /// Of tiles [first, first + count), whose records are bound from `first_row` on.
+  /// Sums over tiles [first, first + count), whose records are bound from `first_row` on.
   void record_sums(const Arguments& args, const Memory& memory, const Range& records, const RowTable& table,
                    std::uint32_t first, std::uint32_t count, std::uint32_t first_row) const;
-  /// Of all tiles, after that.
+  /// Totals over all tiles, after their sums.
   void record_totals(const Arguments& args, const Memory& memory, const RowTable& table,
                      std::uint32_t segments, const Range& result) const;
 

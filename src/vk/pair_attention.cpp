@@ -3,6 +3,7 @@
 #include "core/failure.hpp"
 #include "pair_attention.spv.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 #include "vk/pair_messages.hpp"
 
 namespace bitr::vk {
@@ -13,12 +14,10 @@ constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, atten
                                   sizeof(PairParameters), 24};
 
 constexpr std::uint32_t work_group = 32;
-// Messages between the dispatches; a larger batch goes in several runs.
+// Bytes of messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
-// Of messages for the gradient, which makes them again where there are more.
+// Bytes of messages saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
-
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 
 class PairAttentionKernel : public Kernel {
  public:
@@ -92,10 +91,10 @@ class PairAttentionKernel : public Kernel {
     return static_cast<std::uint32_t>(std::max<std::size_t>(64, fit / 64 * 64));
   }
   std::size_t edge_bytes(std::size_t nodes, std::size_t numbers) const {
-    return (sizeof(std::uint32_t) * numbers * nodes * k_ + 255) / 256 * 256;
+    return scratch_aligned(sizeof(std::uint32_t) * numbers * nodes * k_);
   }
   std::size_t rare_offset(std::size_t nodes) const {
-    return saves_ ? 0 : (messages_.bytes(nodes) + 255) / 256 * 256;
+    return saves_ ? 0 : scratch_aligned(messages_.bytes(nodes));
   }
 
   const ops::PairAttention op_;

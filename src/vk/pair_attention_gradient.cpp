@@ -17,6 +17,7 @@
 #include "pair_gradient_tables.spv.hpp"
 #include "pair_gradient_tables_texels.spv.hpp"
 #include "pair_gradient_turn.spv.hpp"
+#include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/pair_messages.hpp"
 #include "vk/reverse_neighbours.hpp"
@@ -87,8 +88,6 @@ constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
 // Between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{96} << 20;
 
-std::uint32_t number(std::size_t x) { return static_cast<std::uint32_t>(x); }
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
 
 // Numbers of a node's record by degree and component, channels padded to vec4s
@@ -325,7 +324,7 @@ class PairGradientKernel : public Kernel {
 
   std::uint32_t edge_numbers() const { return padded(op_.fiber_in.size()) + 8; }
 
-  // Of all that an edge needs.
+  // Bytes of all that an edge needs.
   std::size_t edge_bytes() const {
     return sizeof(float) *
            (std::size_t{2} * messages_.stride() + 5 + 64 * messages_.in_vectors() + fiber_.size() +
@@ -349,7 +348,7 @@ class PairGradientKernel : public Kernel {
     const auto take = [&](std::size_t numbers) {
       const std::size_t bytes = sizeof(float) * std::max<std::size_t>(numbers, 4);
       const Range range = scratch.sub(memory.bytes, bytes);
-      memory.bytes += (bytes + 255) / 256 * 256;
+      memory.bytes += scratch_aligned(bytes);
       return range;
     };
     const std::size_t tables = messages_.tables();
@@ -456,8 +455,8 @@ class PairGradientKernel : public Kernel {
   OuterSums products_;
   std::uint32_t record_size_ = 0, own_ = 0;                      // vec4s
   std::uint32_t coefficient_vectors_ = 0, feature_vectors_ = 0;  // vec4s of an edge
-  std::uint32_t sectors_ = 0, sector_groups_ = 0;  // of a table, at most: the shaders' limit; what there is
-  std::uint32_t sum_lanes_, sum_units_ = 0;        // of a work group; work groups of a sector, of all tables
+  std::uint32_t sectors_ = 0, sector_groups_ = 0;  // a table's sectors at most; as a power of two first
+  std::uint32_t sum_lanes_, sum_units_ = 0;        // lanes of a work group; a sector's work groups in all
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;
   ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;

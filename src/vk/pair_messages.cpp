@@ -31,10 +31,9 @@ constexpr Shader network_shader{"pair_networks", spirv::pair_networks, network_b
 
 constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t ordered_edges = 4096;   // by a work group
-constexpr std::uint32_t wide_work_group = 128;  // of pair_networks, where loops would be too long for 32
+constexpr std::uint32_t wide_work_group = 128;  // for pair_networks where loops would be too long for 32
 constexpr std::uint32_t most_shared = 16384;    // bytes: what every device has
 
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
 
 }  // namespace

@@ -34,14 +34,14 @@ class PairMessages {
   std::uint32_t tables() const { return tables_.tables; }
   bool linear() const { return tables_.linear; }
   bool on_processor() const { return capabilities_.type == VK_PHYSICAL_DEVICE_TYPE_CPU; }
-  /// Of the messages of so many nodes.
+  /// Bytes of so many nodes' messages.
   std::size_t bytes(std::size_t nodes) const { return sizeof(float) * stride() * k_ * nodes; }
 
   /// The run's edges in an order in which neighbours mostly share sectors. `order` and `keys`: two u32 per
   /// edge, the latter scratch memory.
   void record_order(const Arguments& args, const PairParameters& run, const Range& index,
                     const Range& positions, const Range& keys, const Range& order) const;
-  /// Of the run's edges, after that; `rare`: a u32 per edge, scratch memory.
+  /// The messages of the run's edges, after record_order(); `rare`: a u32 per edge, scratch memory.
   void record(const Arguments& args, const PairParameters& run, const Range& features, const Range& index,
               const Range& positions, const Range& order, const Range& messages, const Range& rare) const;
 

@@ -15,7 +15,7 @@ using Numbers = std::vector<std::uint32_t>;
 // pair_tables.glsl
 constexpr std::uint32_t swapped = 1, degree1 = 2;
 
-// Of a network's last matrix with its offset, padded to fours (QUADS of pair_networks.comp).
+// Columns of a network's last matrix with its offset, padded to fours (QUADS of pair_networks.comp).
 constexpr Eigen::Index network_columns = ops::radial_width + 4;
 
 void add(Numbers& to, double value) { to.push_back(std::bit_cast<std::uint32_t>(static_cast<float>(value))); }

@@ -21,7 +21,7 @@ constexpr Shader texel_shader{"point_attention_texels", spirv::point_attention_t
 constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
                         relu_square = 32, keeps_sums = 64;
 
-// Of sums for the gradient, which makes them again where there are more.
+// Bytes of sums saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
 
 class PointAttentionKernel : public Kernel {
@@ -66,7 +66,6 @@ class PointAttentionKernel : public Kernel {
  private:
   std::array<std::uint32_t, 9> specializations(const KernelContext& site) const {
     const ops::PointAttention& op = op_;
-    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
                                 (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
                                 (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
@@ -85,7 +84,7 @@ class PointAttentionKernel : public Kernel {
   const ops::PointAttention op_;
   const Pipeline* pipeline_ = nullptr;
   const Capabilities& capabilities_;
-  const std::size_t row_bytes_;  // of the result
+  const std::size_t row_bytes_;  // bytes of a row of the result
   const graph::Rows rows_;
   const bool saves_;  // its sums, for the gradient
 };

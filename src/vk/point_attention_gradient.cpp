@@ -7,6 +7,7 @@
 #include "point_attention_gradient_texels.spv.hpp"
 #include "point_attention_sums.spv.hpp"
 #include "point_attention_sums_texels.spv.hpp"
+#include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
 #include "vk/reverse_neighbours.hpp"
 
@@ -42,9 +43,7 @@ constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vec
 constexpr std::uint32_t listed_tiles = 32;
 constexpr std::size_t cached_rows = 4096 + 63;
 
-std::uint32_t number(int x) { return static_cast<std::uint32_t>(x); }
 std::uint32_t quads(int n) { return padded(n) / 4; }
-std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
 
 // What is kept of a row, in vec4s (common/point_layer.glsl).
 struct Record {
@@ -99,7 +98,7 @@ class PointGradientKernel : public Kernel {
         k_(number(site.in[slots.index].per_row)),
         saved_(site.saved),
         rows_(site.in[slots.grad_output].rows),
-        points_(site.in[slots.neighbours].rows) {
+        points_(site.in[slots.neighbors].rows) {
     if (op.per_cloud && (op.relu || slots.d_centres >= 0 || slots.d_constants >= 0))
       throw Failure(ErrorCode::unsupported,
                     "a layer with coefficients per cloud has no gradient of those alone");
@@ -146,7 +145,7 @@ class PointGradientKernel : public Kernel {
 
  private:
   struct Part {
-    VkDeviceSize offset, bytes;  // of the constants
+    VkDeviceSize offset, bytes;  // where it is in the constants
     Range of(const Arguments& args) const { return args.constants.sub(offset, bytes); }
   };
   // Whole clouds whose records and edges fit into one binding.
@@ -260,10 +259,11 @@ class PointGradientKernel : public Kernel {
   Memory memory(const graph::BatchLayout& layout) const {
     const std::size_t rows = std::min(layout.rows(rows_), most_rows());
     Memory memory{};
-    memory.edges = aligned(rows * record_bytes());
-    memory.edge_bytes = std::max<std::size_t>(aligned(rows * edge_bytes()), 256);
+    memory.edges = scratch_aligned(rows * record_bytes());
+    memory.edge_bytes = std::max<std::size_t>(scratch_aligned(rows * edge_bytes()), 256);
     memory.partials = memory.edges + memory.edge_bytes;
-    memory.partial_bytes = std::max<std::size_t>(aligned(products_.partial_bytes(layout, rows_)), 256);
+    memory.partial_bytes =
+        std::max<std::size_t>(scratch_aligned(products_.partial_bytes(layout, rows_)), 256);
     memory.bytes = memory.partials + memory.partial_bytes;
     return memory;
   }
@@ -312,7 +312,7 @@ class PointGradientKernel : public Kernel {
     const std::vector<Range> shared = {features,
                                        rows_of(args.in[slots_.index], rows),
                                        centres,
-                                       args.in[slots_.neighbours].range,
+                                       args.in[slots_.neighbors].range,
                                        op_.per_cloud ? args.in[slots_.coefficients].range : features,
                                        table.tiles};
     const auto with = [&](std::initializer_list<Range> more) {
@@ -376,7 +376,7 @@ KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointA
                              {.features = 0,
                               .index = 1,
                               .centres = 2,
-                              .neighbours = 3,
+                              .neighbors = 3,
                               .coefficients = op.op.per_cloud ? 4 : -1,
                               .grad_output = op.grad_output_at(0),
                               .d_features = op.grad_input_at(0),

@@ -9,7 +9,7 @@ namespace bitr::vk {
 
 /// Places of tensors among a node's inputs and outputs; −1: none.
 struct PointGradientSlots {
-  int features = -1, index = -1, centres = -1, neighbours = -1, coefficients = -1, grad_output = -1;
+  int features = -1, index = -1, centres = -1, neighbors = -1, coefficients = -1, grad_output = -1;
   int d_features = -1, d_centres = -1, d_coefficients = -1, d_constants = -1;
   std::optional<double> constant = {};  ///< the feature of all points, if there is no tensor of them
 };

@@ -10,6 +10,7 @@
 #include "reverse_neighbours_fill.spv.hpp"
 #include "reverse_neighbours_scan.spv.hpp"
 #include "reverse_neighbours_sort.spv.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -40,9 +41,8 @@ constexpr Shader texel_gather_shader{"gather_edges_texels", spirv::gather_edges_
 
 constexpr std::uint32_t work_group = 128;
 
-std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
 std::uint32_t part(const EdgeGather::Shape& shape) { return std::min(shape.width / 4, 4u); }
-std::size_t list_bytes(std::size_t count) { return aligned(sizeof(std::uint32_t) * count); }
+std::size_t list_bytes(std::size_t count) { return scratch_aligned(sizeof(std::uint32_t) * count); }
 
 }  // namespace
 
@@ -55,13 +55,13 @@ ReverseNeighbours::ReverseNeighbours(const Context& context, int k)
       fill_(&context.pipeline(fill_shader, std::array{work_group})),
       sort_(&context.pipeline(sort_shader, std::array{work_group})) {}
 
-std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbours) const {
-  return 2 * list_bytes(neighbours) + 2 * list_bytes(rows * k_);
+std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbors) const {
+  return 2 * list_bytes(neighbors) + 2 * list_bytes(rows * k_);
 }
 
 EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, graph::Rows rows,
-                                    graph::Rows neighbours) const {
-  const auto count = static_cast<std::uint32_t>(args.layout.rows(neighbours));
+                                    graph::Rows neighbors) const {
+  const auto count = static_cast<std::uint32_t>(args.layout.rows(neighbors));
   const auto edges = static_cast<std::uint32_t>(args.layout.rows(rows) * k_);
   if (sizeof(std::uint32_t) * edges > capabilities_.storage_range)
     throw Failure(ErrorCode::unsupported, "a batch with " + std::to_string(edges) +
@@ -82,10 +82,10 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, gr
   };
   all(*clear_, count, {counts});
   all(*count_, edges, {index.range, counts, places});
-  const std::uint32_t segments = args.layout.segments(neighbours);
+  const std::uint32_t segments = args.layout.segments(neighbors);
   for (std::uint32_t first = 0; first < segments; first += capabilities_.groups)
     args.schedule.dispatch(*scan_,
-                           {counts, args.tables.of(neighbours).offsets, args.tables.of(rows).offsets, begins},
+                           {counts, args.tables.of(neighbors).offsets, args.tables.of(rows).offsets, begins},
                            SegmentParameters{first, segments},
                            {std::min(segments - first, capabilities_.groups), 1, 1}, 10.0 * count);
   all(*fill_, edges, {index.range, begins, places, unsorted});

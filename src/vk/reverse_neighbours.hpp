@@ -15,9 +15,9 @@ class ReverseNeighbours {
   ReverseNeighbours(const Context& context, int k);
 
   /// Bytes for an index tensor with k neighbours of each of `rows` rows among `neighbours` others.
-  std::size_t bytes(std::size_t rows, std::size_t neighbours) const;
+  std::size_t bytes(std::size_t rows, std::size_t neighbors) const;
   /// The lists in `args.lists`, which it makes if they are to be. `rows`: what the index tensor has a row of.
-  EdgeLists record(const Arguments& args, const Slot& index, graph::Rows rows, graph::Rows neighbours) const;
+  EdgeLists record(const Arguments& args, const Slot& index, graph::Rows rows, graph::Rows neighbors) const;
 
  private:
   const Capabilities& capabilities_;
@@ -38,8 +38,8 @@ class EdgeGather {
   /// What of a kernel's memory a run of tiles meets.
   struct Run {
     std::uint32_t first_tile, tiles;
-    std::uint32_t first_row;   ///< of `record`
-    std::uint32_t first_edge;  ///< of `edges`
+    std::uint32_t first_row;   ///< where `record` begins
+    std::uint32_t first_edge;  ///< where `edges` begins
   };
   EdgeGather(const Context& context, const Shape& shape);
 

@@ -33,7 +33,7 @@ struct Dispatch {
   std::array<std::byte, 128> push{};
   std::array<std::uint32_t, 3> groups = {1, 1, 1};
   double cost = 0;  ///< floating-point operations, roughly
-  int node = -1;    ///< of the graph; −1: input and output
+  int node = -1;    ///< index in the graph; −1: input and output
 
   bool writes(std::size_t i) const;
   const char* name() const { return pipeline ? pipeline->shader->name : "copy"; }
@@ -62,7 +62,7 @@ class Schedule {
     std::memcpy(work.push.data(), &parameters, sizeof parameters);
     add(std::move(work), sizeof parameters);
   }
-  /// Of a shader without parameters.
+  /// Dispatches a shader without parameters.
   void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, std::array<std::uint32_t, 3> groups,
                 double cost) {
     add({&pipeline, std::move(ranges), {}, groups, cost, node_}, 0);
@@ -123,7 +123,7 @@ class Recorder {
   VkDescriptorPool pool_ = VK_NULL_HANDLE;
   std::uint32_t pool_sets_ = 0, pool_storage_ = 0, pool_uniform_ = 0, pool_texels_ = 0;
   std::vector<VkDescriptorSet> sets_;  // per work; null for copies
-  std::map<std::tuple<VkBuffer, VkDeviceSize, VkDeviceSize>, VkBufferView> views_;  // of texel buffers
+  std::map<std::tuple<VkBuffer, VkDeviceSize, VkDeviceSize>, VkBufferView> views_;  // texel buffers'
   std::vector<Touched> pending_;                                                    // since the last barrier
   Counters counters_;
 };

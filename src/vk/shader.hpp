@@ -18,7 +18,7 @@ struct Shader {
   const char* name;
   std::span<const std::uint32_t> spirv;
   std::span<const Access> bindings;   ///< set 0, binding 0 …
-  std::uint32_t push_bytes = 0;       ///< of its parameters (shaders/common/parameters.glsl)
+  std::uint32_t push_bytes = 0;       ///< bytes of its parameters (shaders/common/parameters.glsl)
   std::uint32_t specializations = 0;  ///< constant ids 0 … n−1; id 0 is the work group's size
 };
 

@@ -32,11 +32,11 @@ constexpr Shader moments_basic{"transport_moments", spirv::transport_moments, mo
 constexpr Shader moments_shuffle{"transport_moments_shuffle", spirv::transport_moments_shuffle,
                                  moments_bindings, sizeof(SinkhornParameters), 2};
 
-// Of a work group, which takes a block.
+// Lanes of a work group, which takes a block.
 constexpr std::uint32_t lanes = 64;
 static_assert(lanes == Sinkhorn::block);
 
-// Of a term of a row.
+// Operations for a term of a row.
 constexpr double term_cost = 30;
 // Iterations between two looks at which plans have stopped.
 constexpr std::uint32_t between_looks = 8;

@@ -13,12 +13,12 @@ namespace bitr::vk {
 class Sinkhorn {
  public:
   static constexpr std::uint32_t block = 64;  ///< neighbours that come with a box
-  /// Of a cloud, or an invocation would loop longer than some drivers let it.
+  /// A cloud may have so many, or an invocation would loop longer than some drivers let it.
   static constexpr std::size_t most_points = 400'000;
-  /// Of |slack|, which no potential exceeds by much: terms that matter then have squared distances whose
-  /// coarse parts add up exactly.
+  /// Bound on |slack|, which no potential exceeds by much: terms that matter then have squared distances
+  /// whose coarse parts add up exactly.
   static constexpr double most_slack = 8000;
-  /// Of two points, or single precision does not place them well enough.
+  /// Two points may be so far apart, or single precision does not place them well enough.
   static constexpr double most_distance = 1000;
 
   /// P = exp(u + v − |x − y|²); a row's or a column's slack is exp(u − slack), exp(v − slack).
@@ -39,7 +39,7 @@ class Sinkhorn {
   /// Eight numbers per block of 64 points: low corner, 0, high corner, 0.
   float* source_boxes(std::size_t problem) const { return boxes(places_[problem].source); }
   float* reference_boxes(std::size_t problem) const { return boxes(places_[problem].reference); }
-  /// Of the references, to begin with.
+  /// The potential with which a reference point begins.
   void set_potential(std::size_t problem, std::uint32_t reference, double value);
 
   void run(int most_iterations);
@@ -73,8 +73,8 @@ class Sinkhorn {
   std::uint32_t rows_ = 0;
   std::size_t source_tiles_ = 0, reference_tiles_ = 0;
   double tile_cost_ = 0;
-  // Of the staging buffer and of the arena alike; potentials have a second half in the arena, then come the
-  // moments.
+  // Parts of the staging buffer and of the arena alike; potentials have a second half in the arena, then come
+  // the moments.
   Part tiles_[2], plans_, points_, boxes_, blocks_, states_, potentials_;
   Part all_potentials_, moments_;
   std::size_t uploaded_ = 0;

@@ -4,6 +4,7 @@
 
 #include "softmax_sum_combine.spv.hpp"
 #include "vk/kernel.hpp"
+#include "vk/memory.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -18,10 +19,10 @@ constexpr std::uint32_t chunk_rows = 128;
 constexpr std::size_t partial_bytes = 8 * sizeof(float);
 
 // The sums of one values tensor.
-struct Sum {
+struct WeightedSum {
   const Pipeline *chunks, *combine;
   std::uint32_t items;  ///< channels × vec4s of columns
-  std::uint32_t parts;  ///< of a chunk
+  std::uint32_t parts;  ///< in so many a chunk is summed
 };
 
 class SoftmaxSumKernel : public Kernel {
@@ -31,7 +32,7 @@ class SoftmaxSumKernel : public Kernel {
     const auto channels = static_cast<std::uint32_t>(op.channels);
     for (std::size_t i = 0; i < op.skip.size(); ++i) {
       const auto columns = static_cast<std::uint32_t>(site.out[i].width);
-      Sum sum{nullptr, nullptr, channels * padded(site.out[i].width) / 4, 1};
+      WeightedSum sum{nullptr, nullptr, channels * padded(site.out[i].width) / 4, 1};
       // As many as keep a work group's invocations busy.
       while (sum.parts < 16 && 2 * sum.parts * sum.items <= tile_rows) sum.parts *= 2;
       sum.chunks = &site.context.pipeline(
@@ -46,7 +47,7 @@ class SoftmaxSumKernel : public Kernel {
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
     std::size_t bytes = 0;
-    for (const Sum& sum : sums_) bytes += partials_bytes(sum, layout);
+    for (const WeightedSum& sum : sums_) bytes += partials_bytes(sum, layout);
     return bytes;
   }
 
@@ -54,7 +55,7 @@ class SoftmaxSumKernel : public Kernel {
     const RowTable& points = args.tables.point;
     std::vector<Range> partials;
     std::size_t at = 0;
-    for (const Sum& sum : sums_) {
+    for (const WeightedSum& sum : sums_) {
       const std::size_t bytes = partials_bytes(sum, args.layout);
       partials.push_back(args.scratch.sub(at, bytes));
       at += bytes;
@@ -79,15 +80,15 @@ class SoftmaxSumKernel : public Kernel {
   }
 
  private:
-  std::size_t partials_bytes(const Sum& sum, const graph::BatchLayout& layout) const {
+  std::size_t partials_bytes(const WeightedSum& sum, const graph::BatchLayout& layout) const {
     const std::size_t chunks = layout.rows(graph::Rows::point) / chunk_rows + layout.clouds();
     const std::size_t bytes = chunks * sum.parts * sum.items * partial_bytes;
-    return (bytes + capabilities_.alignment - 1) / capabilities_.alignment * capabilities_.alignment;
+    return aligned(bytes, capabilities_.alignment);
   }
 
   const Capabilities& capabilities_;
-  const std::size_t logit_bytes_;  // of a row
-  std::vector<Sum> sums_;
+  const std::size_t logit_bytes_;  // bytes of a row
+  std::vector<WeightedSum> sums_;
 };
 
 }  // namespace

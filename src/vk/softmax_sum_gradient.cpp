@@ -18,7 +18,7 @@ constexpr Shader shader{"softmax_sum_gradient", spirv::softmax_sum_gradient, bin
                         7};
 
 constexpr std::uint32_t work_group = 128;
-constexpr int most_channels = 1024, most_columns = 256;  // of the shader
+constexpr int most_channels = 1024, most_columns = 256;  // the shader's limits
 
 // FLAGS of the shader.
 constexpr std::uint32_t logits = 1, more = 2, values = 4, grad_output = 8;
@@ -27,7 +27,6 @@ class SoftmaxSumGradient : public Kernel {
  public:
   SoftmaxSumGradient(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op)
       : op_(op), capabilities_(site.context.capabilities()), stride_(padded(site.in[0].width)) {
-    const auto number = [](int x) { return static_cast<std::uint32_t>(x); };
     normaliser_ = &site.context.pipeline(normaliser_shader, std::array{work_group, stride_});
     std::uint32_t added = 0;
     for (int i = 0; i < op.outputs; ++i) {
@@ -79,7 +78,7 @@ class SoftmaxSumGradient : public Kernel {
  private:
   const ops::Gradient<ops::SoftmaxSum> op_;
   const Capabilities& capabilities_;
-  const std::uint32_t stride_;  // of the logits
+  const std::uint32_t stride_;  // numbers of a row of logits
   const Pipeline* normaliser_ = nullptr;
   std::vector<int> columns_;
   std::vector<const Pipeline*> pipelines_;  // per values tensor; null: nothing to do

@@ -193,10 +193,10 @@ TEST_F(Assemble, KeepsColoursThatBothCloudsHave) {
   PointCloud source = io::read_cloud(copy.source).value(), reference = io::read_cloud(copy.reference).value();
   source.colors.assign(source.size(), {1, 0, 0});
   reference.colors.assign(reference.size(), {0, 1, 0});
-  const PairFiles coloured = {folder.path("red.ply"), folder.path("green.ply"), {}};
-  ASSERT_TRUE(io::write_ply(coloured.source, source));
-  ASSERT_TRUE(io::write_ply(coloured.reference, reference));
-  ASSERT_EQ(run(coloured, {"--complete-match", "-o", folder.path("both.ply")}).status, 0);
+  const PairFiles colored = {folder.path("red.ply"), folder.path("green.ply"), {}};
+  ASSERT_TRUE(io::write_ply(colored.source, source));
+  ASSERT_TRUE(io::write_ply(colored.reference, reference));
+  ASSERT_EQ(run(colored, {"--complete-match", "-o", folder.path("both.ply")}).status, 0);
   const PointCloud joined = io::read_cloud(folder.path("both.ply")).value();
   EXPECT_EQ(joined.colors.front(), (Vec3f{1, 0, 0}));
   EXPECT_EQ(joined.colors.back(), (Vec3f{0, 1, 0}));

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numbers>
 
-#include "confidence/answers.hpp"
+#include "confidence/ensemble.hpp"
 #include "core/select_rows.hpp"
 #include "support/random_motion.hpp"
 #include "support/turn.hpp"
@@ -227,9 +227,9 @@ Pose shift(double x, double y, double z) {
   return pose;
 }
 
-TEST(Answers, MeanIsWeightedByTheGaps) {
+TEST(Ensemble, MeanIsWeightedByTheGaps) {
   const PointCloud cloud = sphere(100, 1);
-  confidence::Answers shifted({cloud, cloud}), turned({cloud, cloud});
+  confidence::Ensemble shifted({cloud, cloud}), turned({cloud, cloud});
   shifted.add(answer_of(shift(1, 0, 0), 1.5));
   shifted.add(answer_of(shift(-1, 0, 0), 0.5));
   EXPECT_NEAR(shifted.together().T_reference_source.translation[0], 0.5, 1e-12);
@@ -243,16 +243,16 @@ TEST(Answers, MeanIsWeightedByTheGaps) {
       1e-6);
 }
 
-TEST(Answers, FirstOneCountsWhereNoneIsDetermined) {
+TEST(Ensemble, FirstOneCountsWhereNoneIsDetermined) {
   const PointCloud cloud = sphere(100, 1);
-  confidence::Answers answers({cloud, cloud});
-  answers.add(answer_of(test::turn_about({0, 0, 1}, 20), 0));
-  answers.add(answer_of(test::turn_about({0, 0, 1}, 80), 0));
-  EXPECT_EQ(answers.together().T_reference_source.matrix(), test::turn_about({0, 0, 1}, 20).matrix());
-  EXPECT_EQ(answers.together().rotation_gap, 0);
+  confidence::Ensemble ensemble({cloud, cloud});
+  ensemble.add(answer_of(test::turn_about({0, 0, 1}, 20), 0));
+  ensemble.add(answer_of(test::turn_about({0, 0, 1}, 80), 0));
+  EXPECT_EQ(ensemble.together().T_reference_source.matrix(), test::turn_about({0, 0, 1}, 20).matrix());
+  EXPECT_EQ(ensemble.together().rotation_gap, 0);
 }
 
-TEST(Answers, SpreadsAreAnAngleAndAShareOfTheRadius) {
+TEST(Ensemble, SpreadsAreAnAngleAndAShareOfTheRadius) {
   // Corners of cubes, 2√3 and √3 from their middles: a radius of √15.
   const auto cube = [](double half, const Vec3d& middle) {
     PointCloud cloud;
@@ -265,9 +265,9 @@ TEST(Answers, SpreadsAreAnAngleAndAShareOfTheRadius) {
     return cloud;
   };
   const PointCloud source = cube(2, {0, 0, 0}), reference = cube(1, {4, 0, 0});
-  confidence::Answers answers({source, reference});
-  for (const double degrees : {10., -10.}) answers.add(answer_of(test::turn_about({0, 0, 1}, degrees), 1));
-  const NetworkEvidence evidence = answers.together();
+  confidence::Ensemble ensemble({source, reference});
+  for (const double degrees : {10., -10.}) ensemble.add(answer_of(test::turn_about({0, 0, 1}, degrees), 1));
+  const NetworkEvidence evidence = ensemble.together();
   EXPECT_NEAR(evidence.rotation_spread, 10, 1e-9);
   // The source's middle stays in all of them and in the mean's turn; the reference's goes back to
   // 4 (cos 10°, ± sin 10°), which asks the mean for a step of its own, half of it heeded.
@@ -278,16 +278,16 @@ TEST(Answers, SpreadsAreAnAngleAndAShareOfTheRadius) {
   EXPECT_NEAR(evidence.translation_spread, std::sqrt((there * there + back * back) / 2 / 15), 1e-6);
 }
 
-TEST(Answers, FailedOnesSpeakAgainstThePose) {
+TEST(Ensemble, FailedOnesSpeakAgainstThePose) {
   const PointCloud cloud = sphere(100, 1);
-  confidence::Answers answers({cloud, cloud});
-  answers.add(answer_of({}, 1.8));
+  confidence::Ensemble ensemble({cloud, cloud});
+  ensemble.add(answer_of({}, 1.8));
   Assembly failed = answer_of({}, std::numeric_limits<double>::quiet_NaN());
   failed.T_reference_source.translation[0] = std::numeric_limits<double>::quiet_NaN();
   failed.status = Status::failed;
-  answers.add(failed);
-  answers.add(failed);
-  const NetworkEvidence evidence = answers.together();
+  ensemble.add(failed);
+  ensemble.add(failed);
+  const NetworkEvidence evidence = ensemble.together();
   EXPECT_EQ(evidence.rotation_spread, 180);
   EXPECT_DOUBLE_EQ(evidence.rotation_gap, 0.6);
   EXPECT_EQ(evidence.translation_spread, 0);

@@ -1,5 +1,5 @@
 // Every operation of the network, as defined and folded, on the tensors it meets there: the CPU in float, and
-// Vulkan where the operation runs there, against the CPU in double, within the bound of its header, nothing
+// Vulkan where the operation runs there, against the CPU in double, within the operation's bound, nothing
 // outside its outputs touched, the same bits for any number of threads.
 #include <algorithm>
 #include <cmath>
@@ -20,7 +20,7 @@ using test::Case;
 using test::OpTensor;
 
 std::vector<Case> cases() {
-  const ModelConfig normals = test::normals_and_colours(), trained = test::trained_model();
+  const ModelConfig normals = test::normals_and_colors(), trained = test::trained_model();
   return {{"least_points", {}, {{25, 25}}},
           {"one_more", {}, {{26, 25}}},
           {"ragged", {}, {{25, 333}, {1025, 31}, {64, 65}}},
@@ -32,17 +32,6 @@ std::vector<Case> cases() {
           {"trained", trained, {{97, 333}, {1030, 98}}},
           {"trained_duplicates", trained, {{150, 97}}, 3},
           {"chunk_edges", {}, {{1024, 1023}, {64, 2049}}}};
-}
-
-// Largest error over the largest entry of the output. Where the operation's header states a bound, that one.
-double bound(const ops::Op& op) {
-  if (std::holds_alternative<ops::PointAttention>(op)) return 2e-5;
-  if (std::holds_alternative<ops::PairAttention>(op)) return 5e-5;
-  if (const auto* input = std::get_if<ops::InputFeatures>(&op)) return input->offsets ? 1e-6 : 0;
-  if (std::holds_alternative<ops::ExtendFeatures>(op)) return 0;
-  if (std::holds_alternative<ops::CloudSum>(op) || std::holds_alternative<ops::CloudCoefficients>(op))
-    return 1e-6;
-  return 2e-5;
 }
 
 class EveryOp : public testing::TestWithParam<Case> {
@@ -111,9 +100,7 @@ class EveryOp : public testing::TestWithParam<Case> {
     }
     if (std::holds_alternative<ops::ProjectPose>(node.op))
       return;  // as well determined as its rotation: pose_test
-    // Over its squared length, a plane's normal counts however short it is: small differences grow.
-    const double factor = GetParam().config.relu_square ? 5 : 1;
-    EXPECT_LE(worst, factor * bound(node.op) * largest) << tensor;
+    EXPECT_LE(worst, ops::float_error(node.op) * largest) << tensor;
     auto& record = worst_[node.op.index()];
     if (largest > 0) record = std::max(record, worst / largest);
   }

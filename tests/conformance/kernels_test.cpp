@@ -7,6 +7,7 @@
 
 #include "irreps/clebsch_gordan.hpp"
 #include "irreps/rotation.hpp"
+#include "ops/op.hpp"
 #include "support/plain_knn.hpp"
 #include "support/random_motion.hpp"
 #include "support/vulkan.hpp"
@@ -77,7 +78,7 @@ class Cases : public testing::Test {
     const Sizes offsets = offsets_of(sizes);
     const std::vector<T> all = points(offsets.back(), dim, lattice);
     const Index index = value_of(knn<T>(device(), {.k = k, .dim = dim}, {all, offsets}));
-    check_neighbours(index, all, offsets, all, offsets, true, k, dim, step);
+    check_neighbors(index, all, offsets, all, offsets, true, k, dim, step);
     if (step > 1) return;  // many points
     for (const NeighborSearch search : {NeighborSearch::brute_force, NeighborSearch::tree})
       EXPECT_EQ(value_of(knn<T>(device(), {.k = k, .dim = dim, .search = search}, {all, offsets})), index);
@@ -88,11 +89,11 @@ class Cases : public testing::Test {
                          queries = points(query_offsets.back(), dim, lattice);
     const Index index =
         value_of(knn<T>(device(), {.k = k, .dim = dim}, {queries, query_offsets}, {references, offsets}));
-    check_neighbours(index, queries, query_offsets, references, offsets, false, k, dim, 1);
+    check_neighbors(index, queries, query_offsets, references, offsets, false, k, dim, 1);
   }
-  void check_neighbours(const Index& index, const std::vector<T>& queries, const Sizes& query_offsets,
-                        const std::vector<T>& references, const Sizes& offsets, bool without_self, int k,
-                        int dim, std::size_t step) {
+  void check_neighbors(const Index& index, const std::vector<T>& queries, const Sizes& query_offsets,
+                       const std::vector<T>& references, const Sizes& offsets, bool without_self, int k,
+                       int dim, std::size_t step) {
     ASSERT_EQ(index.size(), std::size_t{query_offsets.back()} * k);
     for (std::size_t s = 0; s + 1 < offsets.size(); ++s)
       for (std::size_t row = query_offsets[s]; row < query_offsets[s + 1]; row += step)
@@ -151,7 +152,7 @@ class Cases : public testing::Test {
             largest = std::max(largest, size);
           }
       }
-    EXPECT_LE(worst, (single ? 1e-6 : 1e-14) * largest);
+    EXPECT_LE(worst, (single ? ops::CgProduct{}.float_error() : 1e-14) * largest);
     record("cg_product", worst / largest);
   }
 
@@ -197,7 +198,7 @@ class Cases : public testing::Test {
         for (int i = 0; i < V; ++i)
           worst = std::max(worst, std::abs(double(out[(row * shape.heads + h) * V + i]) - sums[i]));
       }
-    EXPECT_LE(worst, single ? 1e-5 : 1e-14);  // values are at most 1
+    EXPECT_LE(worst, single ? ops::NeighbourAttention{}.float_error() : 1e-14);  // values are at most 1
     record("attention", worst);
   }
 
@@ -325,7 +326,7 @@ TYPED_TEST(Kernels, ProductsTurnWithTheirFeatures) {
                             R2 = test::random_rotation(this->random_);
       const auto turned = [&](const std::vector<T>& features, Degree degree) {
         using RowMajor = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-        const Eigen::MatrixXd D = irreps::wigner(irreps::Degree{degree.p, degree.q}, R1, R2);
+        const Eigen::MatrixXd D = irreps::wigner(degree, R1, R2);
         std::vector<T> result(features.size());
         Eigen::Map<RowMajor>(result.data(), rows, degree.dim()) =
             (Eigen::Map<const RowMajor>(features.data(), rows, degree.dim()).template cast<double>() *
@@ -339,9 +340,7 @@ TYPED_TEST(Kernels, ProductsTurnWithTheirFeatures) {
       ASSERT_EQ(first.size(), last.size());
       for (std::size_t i = 0; i < first.size(); ++i)
         ASSERT_NEAR(first[i], last[i], this->single ? 1e-5 : 1e-13)
-            << irreps::Degree{shape.a.p, shape.a.q}.str() << " x "
-            << irreps::Degree{shape.b.p, shape.b.q}.str() << " -> "
-            << irreps::Degree{shape.out.p, shape.out.q}.str();
+            << shape.a.str() << " x " << shape.b.str() << " -> " << shape.out.str();
     }
 }
 
@@ -422,8 +421,8 @@ TYPED_TEST(Kernels, KeptKernels) {
     Index index(3 * offsets.back()), found(21 * sizes.size());
     ASSERT_TRUE(search->run({points, offsets}, index));
     ASSERT_TRUE(search->run({queries, query_offsets}, {points, offsets}, found));
-    this->check_neighbours(index, points, offsets, points, offsets, true, 3, 2, 1);
-    this->check_neighbours(found, queries, query_offsets, points, offsets, false, 3, 2, 1);
+    this->check_neighbors(index, points, offsets, points, offsets, true, 3, 2, 1);
+    this->check_neighbors(found, queries, query_offsets, points, offsets, false, 3, 2, 1);
   }
   auto attend = make_attention<T>(this->device(), {.heads = 2, .key_width = 3, .value_width = 5, .k = 4});
   ASSERT_TRUE(attend);

@@ -17,8 +17,6 @@ namespace {
 using graph::Rows;
 using test::OpTensor;
 
-constexpr double bound = 5e-5;  // of ops/pair_attention.hpp
-
 ModelConfig small_config() {
   ModelConfig config;
   config.num_key_points = 12;
@@ -38,7 +36,7 @@ std::vector<ops::PairAttention> layers(const ModelConfig& config, Mode mode) {
 struct Nodes {
   graph::BatchLayout layout;
   int k;
-  std::vector<double> positions;  // of both sides, 6 a node
+  std::vector<double> positions;  // both sides', 6 a node
   Random random{7};
 
   Nodes(const ModelConfig& config, std::uint32_t pairs = 1)
@@ -103,7 +101,7 @@ class PairAttentionVulkan : public testing::Test {
       worst = std::max(worst, std::abs(values[i] - exact[i]));
       largest = std::max(largest, std::abs(exact[i]));
     }
-    EXPECT_LE(worst, bound * largest);
+    EXPECT_LE(worst, op.float_error() * largest);
     worst_ = std::max(worst_, worst / largest);
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }

@@ -97,7 +97,7 @@ void check(const Pieces& pieces, const Pose& pose, const Pose& exact, Random& ra
   EXPECT_NEAR(R.determinant(), 1, 2e-6);
 
   const Vector3d s = exact.segment<3>(12), got = pose.segment<3>(12);
-  EXPECT_LE((got - s).cwiseAbs().maxCoeff(), 1e-6 * s[0]);
+  EXPECT_LE((got - s).cwiseAbs().maxCoeff(), ops::ProjectPose::singular_value_error * s[0]);
   EXPECT_TRUE(got[0] >= got[1] && got[1] >= got[2] && got[2] >= 0) << got.transpose();
 
   EXPECT_NEAR(std::abs(pose[15]), 1, 1e-6);
@@ -107,7 +107,8 @@ void check(const Pieces& pieces, const Pose& pose, const Pose& exact, Random& ra
   }
   const double gap = s[0] > 0 ? (s[1] + sign * s[2]) / s[0] : 0;
   if (gap > 1e-3) {
-    EXPECT_LE((R - truth).cwiseAbs().maxCoeff(), 1e-5 / gap);
+    EXPECT_LE((R - truth).cwiseAbs().maxCoeff(),
+              ops::ProjectPose{}.float_error() * ops::ProjectPose::well_determined / gap);
   }
 
   // The nearest rotation is the one of the largest trace(Rᵀ r̂).

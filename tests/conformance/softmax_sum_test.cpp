@@ -55,7 +55,7 @@ void check(const SumRun& run, const BatchLayout& layout) {
       worst = std::max(worst, std::abs(device[v].values[i] - exact[v].values[i]));
       largest = std::max(largest, std::abs(exact[v].values[i]));
     }
-    EXPECT_LE(worst, 2e-6 * largest) << "tensor " << v;
+    EXPECT_LE(worst, run.op.float_error() * largest) << "tensor " << v;
   }
 }
 

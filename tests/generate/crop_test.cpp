@@ -124,7 +124,7 @@ TEST(Crop, NoiseIsClipped) {
       clipped += moved > 0.015 - 1e-9;
       square += moved * moved / 9000;
     }
-  // Of a standard normal, 13.36 % are beyond 1.5; cut there, its variance is 0.7785.
+  // A standard normal has 13.36 % beyond 1.5; cut there, its variance is 0.7785.
   EXPECT_NEAR(static_cast<double>(clipped) / 9000, 0.1336, 0.015);
   EXPECT_NEAR(std::sqrt(square), 0.01 * std::sqrt(0.7785), 2e-4);
 }

@@ -176,7 +176,7 @@ TEST(GeneratePair, RefusesWhatIsOutOfRangeAndNamesIt) {
 
 TEST(GeneratePair, TakesMilliseconds) {
   for (const GeneratedKind& kind : generated_kinds()) {
-    const std::size_t points = kind.name == "aircraft" ? 1463 : 1024;  // of which the crop leaves 1024
+    const std::size_t points = kind.name == "aircraft" ? 1463 : 1024;  // the crop leaves 1024 of them
     const int pairs = 40;
     const auto start = std::clock();
     for (int i = 0; i < pairs; ++i)

@@ -108,7 +108,7 @@ TEST(Fold, NoTensorIsLeftUnread) {
   const auto weights = model::initial_weights({}, 0, Mode::scale_exact);
   const Graph graph = model::fold(model::build_graph(weights, Mode::scale_exact));
   std::set<graph::TensorId> used = {graph.key_points, graph.pose};
-  std::set<graph::TensorId> side_results;  // of an operation with another output that is read
+  std::set<graph::TensorId> side_results;  // an operation's with another output that is read
   for (const auto& node : graph.nodes) {
     used.insert(node.inputs.begin(), node.inputs.end());
     if (node.outputs.size() > 1) side_results.insert(node.outputs.begin(), node.outputs.end());

@@ -194,21 +194,21 @@ TEST(Picture, KeyPointsAreMarked) {
   assembly.source_key_points = {source.positions[3]};
   assembly.reference_key_points = {reference.positions[5]};
   const Drawn drawn(source, reference, assembly);
-  const auto colour = [&](const Vector3f& at) {
+  const auto color = [&](const Vector3f& at) {
     const std::size_t pixel =
         static_cast<std::size_t>(at[1]) * drawn.image.width + static_cast<std::size_t>(at[0]);
     return std::array<int, 3>{drawn.image.rgb[3 * pixel], drawn.image.rgb[3 * pixel + 1],
                               drawn.image.rgb[3 * pixel + 2]};
   };
   const auto dark = [&](Role role) {
-    const Colour c = colour_of(role);
+    const Color c = color_of(role);
     return std::array<int, 3>{static_cast<int>(std::lround(255 * c.r * 0.62F)),
                               static_cast<int>(std::lround(255 * c.g * 0.62F)),
                               static_cast<int>(std::lround(255 * c.b * 0.62F))};
   };
-  EXPECT_EQ(colour(drawn.scene.project(drawn.scene.panels[0], drawn.scene.source.points[3])),
+  EXPECT_EQ(color(drawn.scene.project(drawn.scene.panels[0], drawn.scene.source.points[3])),
             dark(Role::source));
-  EXPECT_EQ(colour(drawn.scene.project(drawn.scene.panels[1], drawn.scene.reference.points[5])),
+  EXPECT_EQ(color(drawn.scene.project(drawn.scene.panels[1], drawn.scene.reference.points[5])),
             dark(Role::reference));
   const Drawn without(source, reference, assembly, {.key_points = false, .view = along_z});
   EXPECT_EQ(without.image.rgb, Drawn(source, reference).image.rgb);

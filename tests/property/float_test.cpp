@@ -10,8 +10,8 @@ using test::ExactCloud;
 using test::Network;
 using test::solve;
 
-constexpr double bound_f32 = 8.7e-4;  // of rotations (0.05°) and of translations over the clouds' extent
-constexpr double least_gap = 0.2;     // of the rotation: what counts as well determined
+constexpr double bound_f32 = 8.7e-4;  // for rotations (0.05°) and translations over the clouds' extent
+constexpr double least_gap = 0.2;     // from which on a rotation counts as well determined
 constexpr int pairs_to_check = 8;     // per network
 
 class FloatProperty : public testing::TestWithParam<std::tuple<Network, Backend>> {

@@ -19,7 +19,7 @@ struct Case {
 };
 
 /// Every input there is.
-inline ModelConfig normals_and_colours() {
+inline ModelConfig normals_and_colors() {
   ModelConfig c;
   c.return_normals = c.get_color = true;
   c.key_global_merge_coe = 8;

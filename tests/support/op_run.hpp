@@ -19,8 +19,8 @@ struct OpTensor {
   int per_row = 1;
   int width = 1;
   bool index = false;
-  std::vector<double> values;          ///< of a real tensor
-  std::vector<std::uint32_t> indices;  ///< of an index tensor
+  std::vector<double> values;          ///< a real tensor's
+  std::vector<std::uint32_t> indices;  ///< an index tensor's
 
   static OpTensor like(const graph::TensorInfo& info) {
     return {info.rows, info.per_row, info.width, info.kind == graph::ElementKind::index, {}, {}};

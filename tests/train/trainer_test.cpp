@@ -83,7 +83,7 @@ TEST(Trainer, KeyLogitsAreScaledAtTheStart) {
 TEST(Trainer, ExtractorsProjectionsAreScaledAtTheStart) {
   const auto names = scaled_by(&TrainOptions::feature_scale, 0.25);
   EXPECT_THAT(names, testing::Each(testing::StartsWith("feature_extract.Gblock.")));
-  // Of degrees 0 and 1.
+  // Each layer has degrees 0 and 1.
   EXPECT_THAT(names, testing::SizeIs(2 * (small_options().model.feature_num_layers + 1)));
 }
 

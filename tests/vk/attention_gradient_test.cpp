@@ -23,17 +23,13 @@ std::vector<Case> cases() {
   square.relu_square = square.return_normals = true;
   return {{"one_more", {}, {{26, 25}}},
           {"ragged", {}, {{25, 333}, {129, 31}, {64, 65}}},
-          {"normals_duplicates", test::normals_and_colours(), {{70, 41}, {26, 100}}, 2},
+          {"normals_duplicates", test::normals_and_colors(), {{70, 41}, {26, 100}}, 2},
           {"square", square, {{90, 130}}, 20},
           {"one_neighbour", test::shallow_model(), {{2, 3}, {9, 2}}},
           // Two runs of two-sided layers.
           {"many_pairs", {}, std::vector<std::array<std::size_t, 2>>(33, {25, 27})},
           {"wide", test::wide_model(6), {{65, 70}}, 5}};
 }
-
-// Of the largest entry: of all entries, and of 19 in 20. Gradients jump where a kernel has a kink, as
-// between the sectors of a radial table, and a number in single precision may be on the other side of it.
-constexpr double bound = 1e-3, usual_bound = 2e-5;
 
 class AttentionGradient : public testing::TestWithParam<Case> {
  protected:
@@ -63,8 +59,8 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     ops::Gradient<Operation> gradient{.op = op,
                                       .inputs = static_cast<int>(node.inputs.size()),
                                       .outputs = 1,
-                                      .given = {0},
-                                      .wanted = {},
+                                      .grad_outputs = {0},
+                                      .needs_input_grad = {},
                                       .constants = ops::constant_count(op) > 0};
     std::vector<OpTensor> inputs, outputs;
     for (std::size_t i = 0; i < node.inputs.size(); ++i) {
@@ -117,11 +113,11 @@ class AttentionGradient : public testing::TestWithParam<Case> {
       largest = std::max(largest, std::abs(exact[i]));
     }
     const std::size_t where = std::max_element(errors.begin(), errors.end()) - errors.begin();
-    EXPECT_LE(errors[where], bound * largest)
+    EXPECT_LE(errors[where], ops::kink_error * largest)
         << "element " << where << " of " << exact.size() << ": " << device[where] << ", not " << exact[where];
     const auto usual = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() * 19 / 20);
     std::nth_element(errors.begin(), usual, errors.end());
-    EXPECT_LE(*usual, usual_bound * largest);
+    EXPECT_LE(*usual, ops::smooth_error * largest);
     if (largest > 0) worst_ = std::max(worst_, *usual / largest);
   }
   void TearDown() override { RecordProperty("worst", std::to_string(worst_ * 1e9) + "e-9"); }

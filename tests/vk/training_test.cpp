@@ -44,11 +44,6 @@ std::vector<Case> cases() {
           {"few", test::shallow_model(), {{9, 2}, {4, 5}, {3, 8}, {6, 6}}, direct}};
 }
 
-// Of the largest entry. The projection's gradient is as well determined as its rotation.
-double bound(const ops::Op& op) {
-  return std::holds_alternative<ops::Gradient<ops::ProjectPose>>(op) ? 1e-3 : 1e-5;
-}
-
 bool tested(const ops::Op& op) {
   return std::visit(
       [](const auto& concrete) {
@@ -65,15 +60,19 @@ bool tested(const ops::Op& op) {
 }
 
 // Which inputs of a node are gradients of its outputs.
-std::set<graph::TensorId> given(const graph::Node& node) {
-  return std::visit(
-      [&](const auto& op) {
-        std::set<graph::TensorId> ids;
-        if constexpr (requires { op.given; })
-          for (const int output : op.given) ids.insert(node.inputs[op.grad_output_at(output)]);
-        return ids;
-      },
-      node.op);
+template <class Operation>
+std::set<graph::TensorId> output_gradients(const Operation&, const graph::Node&) {
+  return {};
+}
+template <class Operation>
+std::set<graph::TensorId> output_gradients(const ops::Gradient<Operation>& gradient,
+                                           const graph::Node& node) {
+  std::set<graph::TensorId> ids;
+  for (const int output : gradient.grad_outputs) ids.insert(node.inputs[gradient.grad_output_at(output)]);
+  return ids;
+}
+std::set<graph::TensorId> output_gradients(const graph::Node& node) {
+  return std::visit([&](const auto& op) { return output_gradients(op, node); }, node.op);
 }
 
 class Training : public testing::TestWithParam<Case> {
@@ -120,7 +119,7 @@ class Training : public testing::TestWithParam<Case> {
 
   void check(const graph::Node& node, bool random) {
     std::vector<OpTensor> inputs, outputs;
-    const auto gradients = given(node);
+    const auto gradients = output_gradients(node);
     for (const auto id : node.inputs) inputs.push_back(input(id, random && gradients.count(id)));
     for (const auto id : node.outputs) outputs.push_back(OpTensor::like(info(id)));
     const auto exact = test::run_op<double>(node.op, layout_, inputs, outputs, pool_);
@@ -133,7 +132,7 @@ class Training : public testing::TestWithParam<Case> {
         worst = std::max(worst, std::abs(device[i].values[j] - exact[i].values[j]));
         largest = std::max(largest, std::abs(exact[i].values[j]));
       }
-      EXPECT_LE(worst, bound(node.op) * largest) << info(node.outputs[i]).name;
+      EXPECT_LE(worst, ops::float_error(node.op) * largest) << info(node.outputs[i]).name;
       if (largest > 0) RecordProperty(info(node.outputs[i]).name, std::to_string(worst / largest * 1e9));
     }
   }

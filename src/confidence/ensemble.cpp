@@ -1,4 +1,4 @@
-#include "confidence/answers.hpp"
+#include "confidence/ensemble.hpp"
 
 #include <cmath>
 
@@ -21,55 +21,55 @@ double mean_squared_distance(const Vec3View& positions, const Vec3d& centroid) {
 
 }  // namespace
 
-Answers::Answers(const CloudPair& pair)
+Ensemble::Ensemble(const CloudPair& pair)
     : source_(centroid_of(pair.source.positions)),
       reference_(centroid_of(pair.reference.positions)),
       radius_(std::sqrt(mean_squared_distance(pair.source.positions, source_) +
                         mean_squared_distance(pair.reference.positions, reference_))) {}
 
-void Answers::add(const Assembly& answer) {
-  if (answer.status == Status::failed)
+void Ensemble::add(const Assembly& member) {
+  if (member.status == Status::failed)
     ++failed_;
   else
-    answers_.push_back({answer.T_reference_source, answer.diagnostics.rotation_gap});
+    members_.push_back({member.T_reference_source, member.diagnostics.rotation_gap});
 }
 
-NetworkEvidence Answers::together() const {
+NetworkEvidence Ensemble::together() const {
   NetworkEvidence evidence{.T_reference_source = mean()};
   std::vector<double> angles(failed_, 180);
-  for (const Answer& answer : answers_) {
-    evidence.rotation_gap += answer.gap / static_cast<double>(answers_.size() + failed_);
-    angles.push_back(rotation_error_degrees(answer.T_reference_source, evidence.T_reference_source));
+  for (const Member& member : members_) {
+    evidence.rotation_gap += member.gap / static_cast<double>(members_.size() + failed_);
+    angles.push_back(rotation_error_degrees(member.T_reference_source, evidence.T_reference_source));
   }
   evidence.rotation_spread = median(std::move(angles));
   evidence.translation_spread = translation_spread(evidence.T_reference_source);
   return evidence;
 }
 
-Pose Answers::mean() const {
+Pose Ensemble::mean() const {
   Eigen::Matrix3d rotations = Eigen::Matrix3d::Zero();
   Eigen::Vector3d source_images = Eigen::Vector3d::Zero(), reference_images = source_images;
   double weights = 0;
-  for (const auto& [pose, gap] : answers_) {
+  for (const auto& [pose, gap] : members_) {
     rotations += gap * rotation_of(pose);
     source_images += gap * vector(pose.apply(source_));
     reference_images += gap * vector(pose.inverse().apply(reference_));
     weights += gap;
   }
-  if (!(weights > 0)) return answers_.front().T_reference_source;
+  if (!(weights > 0)) return members_.front().T_reference_source;
   const Eigen::Matrix3d R = nearest_rotation(rotations);
   // Half of what either direction asks for.
   return pose_of(R, 0.5 * (source_images / weights - R * vector(source_)) +
                         0.5 * (vector(reference_) - R * reference_images / weights));
 }
 
-double Answers::translation_spread(const Pose& mean) const {
+double Ensemble::translation_spread(const Pose& mean) const {
   const Pose back = mean.inverse();
   double sum = 0;
-  for (const auto& [pose, gap] : answers_)
+  for (const auto& [pose, gap] : members_)
     sum += squared_distance(pose.apply(source_), mean.apply(source_)) +
            squared_distance(pose.inverse().apply(reference_), back.apply(reference_));
-  return radius_ > 0 ? std::sqrt(sum / (2 * static_cast<double>(answers_.size()))) / radius_ : 0;
+  return radius_ > 0 ? std::sqrt(sum / (2 * static_cast<double>(members_.size()))) / radius_ : 0;
 }
 
 }  // namespace bitr::confidence

@@ -1,4 +1,4 @@
-#include "generate/part.hpp"
+#include "generate/primitive.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -27,7 +27,7 @@ double reach(double beak, double angle) {
 
 }  // namespace
 
-Part::Part(const std::vector<double>& stations, int columns) : columns_(columns) {
+Primitive::Primitive(const std::vector<double>& stations, int columns) : columns_(columns) {
   rings_.push_back({stations.front(), 0});
   rings_.push_back({stations.front(), 0.5});
   for (const double along : stations) rings_.push_back({along, 1});
@@ -35,24 +35,24 @@ Part::Part(const std::vector<double>& stations, int columns) : columns_(columns)
   rings_.push_back({stations.back(), 0});
 }
 
-Part::Ring Part::ring(double row) const {
+Primitive::Ring Primitive::ring(double row) const {
   const auto below = static_cast<std::size_t>(std::clamp(row, 0.0, rows() - 1.0));
   const double share = row - static_cast<double>(below);
   const Ring &a = rings_[below], &b = rings_[below + 1];
   return {a.along + share * (b.along - a.along), a.scale + share * (b.scale - a.scale)};
 }
 
-Part::Ring Part::ring_step(double row) const {
+Primitive::Ring Primitive::ring_step(double row) const {
   const auto below = static_cast<std::size_t>(std::clamp(row, 0.0, rows() - 1.0));
   const Ring &a = rings_[below], &b = rings_[below + 1];
   return {b.along - a.along, b.scale - a.scale};
 }
 
-double Part::angle(double column) const { return 2 * std::numbers::pi * column / columns_; }
+double Primitive::angle(double column) const { return 2 * std::numbers::pi * column / columns_; }
 
 Loft::Loft(const Vector3d& axis, const Vector3d& u, Outline outline, Cut cut,
            const std::vector<double>& stations, int columns)
-    : Part(stations, columns),
+    : Primitive(stations, columns),
       axis_(axis),
       u_(u),
       v_(axis.cross(u)),
@@ -90,7 +90,7 @@ Vector3d Loft::at(const Ring& ring, const Section& section, const Unit& unit) co
          (section.v + ring.scale * section.half_v * unit.q) * v_;
 }
 
-Part::Place Loft::place(double row, double column) const {
+Primitive::Place Loft::place(double row, double column) const {
   const Ring here = ring(row), step = ring_step(row);
   const Section section = cut_(here.along);
   const double turn = angle(column), per_column = 2 * std::numbers::pi / columns();
@@ -115,7 +115,7 @@ Part::Place Loft::place(double row, double column) const {
 
 std::vector<Vector3d> Loft::corners() const {
   std::vector<Unit> units;
-  double beak = -1;  // of the units
+  double beak = -1;  // the one that `units` were made for
   std::vector<Vector3d> corners;
   corners.reserve(static_cast<std::size_t>(rows() + 1) * (columns() + 1));
   for (int i = 0; i <= rows(); ++i) {
@@ -131,7 +131,7 @@ std::vector<Vector3d> Loft::corners() const {
   return corners;
 }
 
-Bow::Bow(const Tube& tube) : Part(even_steps(0, 1, 20), 16), tube_(tube) {
+Bow::Bow(const Tube& tube) : Primitive(even_steps(0, 1, 20), 16), tube_(tube) {
   constexpr int pieces = 40;
   for (int i = 0; i <= pieces; ++i) path_.push_back(point(static_cast<double>(i) / pieces));
 }
@@ -178,7 +178,7 @@ bool Bow::contains(const Vector3d& at) const {
              .norm() < 1;
 }
 
-Part::Place Bow::place(double row, double column) const {
+Primitive::Place Bow::place(double row, double column) const {
   const Ring here = ring(row), step = ring_step(row);
   const double t = here.along, turn = angle(column), per_column = 2 * std::numbers::pi / columns();
   const double in = std::lerp(tube_.half_in[0], tube_.half_in[1], t),

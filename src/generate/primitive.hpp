@@ -9,9 +9,9 @@
 
 namespace bitr::generate {
 
-class Part {
+class Primitive {
  public:
-  virtual ~Part() = default;
+  virtual ~Primitive() = default;
   virtual bool contains(const Eigen::Vector3d& at) const = 0;
   /// The surface over [0, rows()] × [0, columns()]; smooth within each cell, closed over the columns and at
   /// both ends. by_column × by_row points outwards.
@@ -30,7 +30,7 @@ class Part {
   struct Ring {
     double along, scale;
   };
-  Part(const std::vector<double>& stations, int columns);
+  Primitive(const std::vector<double>& stations, int columns);
   Ring ring(double row) const;
   Ring ring_step(double row) const;  ///< to the next row's
   double angle(double column) const;
@@ -53,7 +53,7 @@ enum class Outline {
 };
 
 /// Sections in parallel planes, one after the other along an axis.
-class Loft : public Part {
+class Loft : public Primitive {
  public:
   using Cut = std::function<Section(double along)>;
   /// `axis` and `u` are perpendicular unit vectors. `stations`: where the grid's rows are, from end to end.
@@ -79,7 +79,7 @@ class Loft : public Part {
 };
 
 /// An elliptic tube along a cubic Bézier curve that lies in a plane.
-class Bow : public Part {
+class Bow : public Primitive {
  public:
   struct Tube {
     std::array<Eigen::Vector3d, 4> curve;  ///< its control points

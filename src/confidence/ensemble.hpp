@@ -1,4 +1,4 @@
-// Several answers for the same pair, taken together.
+// Several passes over the same pair, taken together.
 #pragma once
 
 #include <bitr/confidence.hpp>
@@ -6,26 +6,26 @@
 
 namespace bitr::confidence {
 
-/// A network's answers for the same two clouds.
-class Answers {
+/// A network's assemblies of the same two clouds or of parts of them.
+class Ensemble {
  public:
-  explicit Answers(const CloudPair& pair);
+  explicit Ensemble(const CloudPair& pair);
 
   /// Also a failed one: see NetworkEvidence.
-  void add(const Assembly& answer);
+  void add(const Assembly& member);
 
-  /// Of at least one answer; its pose is the first answer's while no gap adds up to anything.
+  /// At least one member has been added. The pose is the first one's while no gap adds up to anything.
   NetworkEvidence together() const;
 
  private:
-  struct Answer {
+  struct Member {
     Pose T_reference_source;
     double gap = 0;
   };
   Pose mean() const;
   double translation_spread(const Pose& mean) const;
 
-  std::vector<Answer> answers_;  // but the failed ones
+  std::vector<Member> members_;  // but the failed ones
   std::size_t failed_ = 0;
   Vec3d source_, reference_;  // centroids
   double radius_ = 0;         // see NetworkEvidence::translation_spread
