@@ -33,11 +33,11 @@ Graph folded_graph(const ModelConfig& config) {
 bool is_index(const TensorInfo& info) { return info.kind == graph::ElementKind::index; }
 
 // The last one is kept: benchmarks of one size follow each other.
-Scene& scene_of(const Graph& graph, std::uint32_t key_points, Size size) {
+Scene& scene_of(const Graph& graph, const ModelConfig& config, Size size) {
   static std::optional<Scene> scene;
   if (!scene || !scene->is_of(graph, size)) {
     scene.reset();
-    scene.emplace(graph, key_points, size);
+    scene.emplace(graph, config, size);
   }
   return *scene;
 }
@@ -164,7 +164,7 @@ Pass timed(auto& node) {
 
 void measure(benchmark::State& state, const Run& run, const Device& device, const OpBench& bench,
              const Graph& graph, const Node& node, Size size) {
-  Scene& scene = scene_of(graph, static_cast<std::uint32_t>(bench.config.num_key_points), size);
+  Scene& scene = scene_of(graph, bench.config, size);
   const Lone lone(graph, node);
   const Job job{graph, node, scene.layout()};
   const auto go = [&](auto& runner) {

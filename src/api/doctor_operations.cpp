@@ -6,7 +6,9 @@
 #include <optional>
 
 #include "api/doctor.hpp"
+#include "api/pack.hpp"
 #include "core/failure.hpp"
+#include "core/guarded.hpp"
 #include "cpu/executor.hpp"
 #include "model/build.hpp"
 #include "vk/executor.hpp"
@@ -136,18 +138,10 @@ double share_that_differs(const std::vector<std::uint32_t>& a, const std::vector
 
 class Operations {
  public:
-  Operations(const Device& device, const graph::Graph& graph, const std::vector<RandomPair>& pairs,
-             int key_points)
-      : device_(device), truth_(graph, true) {
-    std::vector<std::uint32_t> sizes;
-    for (const auto side : {&RandomPair::source, &RandomPair::reference})
-      for (const RandomPair& pair : pairs) sizes.push_back(static_cast<std::uint32_t>((pair.*side).size()));
-    layout_ = {sizes, static_cast<std::uint32_t>(key_points)};
+  Operations(const Device& device, const graph::Graph& graph, const PackedBatch& batch)
+      : device_(device), layout_(batch.layout), truth_(graph, true) {
     truth_.prepare(layout_);
-    double* to = truth_.data(graph.positions);
-    for (const auto side : {&RandomPair::source, &RandomPair::reference})
-      for (const RandomPair& pair : pairs)
-        for (const Vec3d& p : pair.*side) to = std::copy(p.begin(), p.end(), to);
+    fill_inputs(batch, graph, 3, [&](graph::TensorId id) { return truth_.data(id); });
     truth_.run(device_.pool());
   }
 
@@ -218,12 +212,15 @@ class Operations {
 
 void check_operations(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
                       std::vector<Check>& checks) {
+  std::vector<CloudPair> clouds;
+  for (const RandomPair& pair : pairs) clouds.push_back(pair.view());
+  const PackedBatch batch = value_or_throw(pack(model.config(), Precision::f64, shape_of(clouds), clouds));
   // The modes have the same operations, with other norms.
   std::vector<Check> worst;
   for (const Mode mode : {Mode::scale_exact, Mode::reference}) {
     const graph::Graph graph = model::fold(model::build_graph(model.weights(), mode));
     std::vector<Check> found;
-    Operations(device, graph, pairs, model.config().num_key_points).check(found);
+    Operations(device, graph, batch).check(found);
     if (worst.empty()) worst = found;
     for (std::size_t i = 0; i < worst.size(); ++i)
       if (worst[i].passed() && !(found[i].passed() && found[i].measured <= worst[i].measured))

@@ -30,7 +30,8 @@ class OnCpu : public KernelRunner<T> {
     executor_.run(device_.pool());
     std::visit(
         [&]<class U>(std::span<U> room) {
-          std::copy_n(executor_.template data<U>(executor_.graph().result), room.size(), room.data());
+          std::copy_n(executor_.template data<U>(executor_.graph().output(graph::Output::result)),
+                      room.size(), room.data());
         },
         result);
   }
@@ -85,9 +86,9 @@ class OnVulkan : public KernelRunner<float> {
     std::visit(
         [&]<class U>(std::span<U> room) {
           if constexpr (std::is_same_v<U, float>)
-            std::ranges::copy(executor_->real(graph_.result), room.begin());
+            std::ranges::copy(executor_->real(graph_.output(graph::Output::result)), room.begin());
           else
-            std::ranges::copy(executor_->indices(graph_.result), room.begin());
+            std::ranges::copy(executor_->indices(graph_.output(graph::Output::result)), room.begin());
         },
         result);
   }

@@ -68,8 +68,12 @@ void check_index(Index index, std::size_t rows) {
 
 // Inputs are added in the order in which a run gets them, then the result.
 graph::TensorId add(graph::Graph& graph, const char* name, Rows rows, int per_row, int width) {
-  return graph.add(
-      {.name = name, .rows = rows, .per_row = per_row, .width = width, .kind = ElementKind::real, .fiber = {}});
+  return graph.add({.name = name,
+                    .rows = rows,
+                    .per_row = per_row,
+                    .width = width,
+                    .kind = ElementKind::real,
+                    .fiber = {}});
 }
 
 graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
@@ -79,7 +83,7 @@ graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
 
 graph::Graph finished(graph::Graph graph, ops::Op op, std::vector<graph::TensorId> inputs,
                       graph::TensorId result) {
-  graph.result = result;
+  graph.outputs.set(graph::Output::result, result);
   graph.append(graph.tensors[result].name, std::move(op), std::move(inputs), {result});
   return graph;
 }

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
@@ -45,11 +44,13 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
   const graph::Graph& graph = tested->graph();
   const auto& tensors = graph.tensors;
   // The pose is compared by its parts below.
-  const std::set<graph::TensorId> given = {graph.positions, graph.normals, graph.colors, graph.pose};
+  const auto skipped = [&](graph::TensorId id) {
+    return graph.inputs.holds(id) || id == graph.output(graph::Output::pose);
+  };
   for (std::size_t i = 0; i < tensors.size(); ++i) {
     const auto id = static_cast<graph::TensorId>(i);
     const graph::TensorId other = truth->graph().find(tensors[i].name);
-    if (other == graph::no_tensor || given.count(id)) continue;
+    if (other == graph::no_tensor || skipped(id)) continue;
     if (tensors[i].kind == graph::ElementKind::index) {
       // Neighbours: the share of the list that differs.
       const auto a = tested->indices(id), b = truth->indices(other);
@@ -62,7 +63,8 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
                                     single ? stage_bound_f32 : stage_bound_f64));
     }
   }
-  const auto pose = tested->tensor(tested->graph().pose), expected = truth->tensor(truth->graph().pose);
+  const auto pose = tested->tensor(graph.output(graph::Output::pose)),
+             expected = truth->tensor(truth->graph().output(graph::Output::pose));
   const auto part = [](const std::vector<double>& row, int from, int to) {
     return std::vector<double>(row.begin() + from, row.begin() + to);
   };

@@ -111,7 +111,8 @@ class Folder {
   }
 
   void remove_unused_nodes() {
-    std::set<TensorId> needed = {graph_.key_points, graph_.pose};
+    std::set<TensorId> needed;
+    for (const TensorId id : graph_.readable()) needed.insert(id);
     std::vector<Node> kept;
     for (auto node = graph_.nodes.rbegin(); node != graph_.nodes.rend(); ++node) {
       if (std::none_of(node->outputs.begin(), node->outputs.end(),
@@ -125,14 +126,13 @@ class Folder {
   }
 
   void remove_unused_tensors() {
-    std::set<TensorId> used = {graph_.positions};
-    for (TensorId id : {graph_.normals, graph_.colors})
-      if (id != graph::no_tensor) used.insert(id);
+    std::set<TensorId> used;
+    for (const auto& [role, id] : graph_.inputs) used.insert(id);
     for (const Node& node : graph_.nodes) {
       used.insert(node.inputs.begin(), node.inputs.end());
       used.insert(node.outputs.begin(), node.outputs.end());
     }
-    std::map<TensorId, TensorId> renumbered = {{graph::no_tensor, graph::no_tensor}};
+    std::map<TensorId, TensorId> renumbered;
     std::vector<graph::TensorInfo> tensors;
     for (TensorId id : used) {
       renumbered[id] = static_cast<TensorId>(tensors.size());
@@ -140,12 +140,13 @@ class Folder {
     }
     graph_.tensors = std::move(tensors);
     for (Node& node : graph_.nodes) {
-      for (TensorId& id : node.inputs) id = renumbered[id];
-      for (TensorId& id : node.outputs) id = renumbered[id];
+      for (TensorId& id : node.inputs) id = renumbered.at(id);
+      for (TensorId& id : node.outputs) id = renumbered.at(id);
     }
-    for (TensorId* id :
-         {&graph_.positions, &graph_.normals, &graph_.colors, &graph_.key_points, &graph_.pose})
-      *id = renumbered[*id];
+    const auto to = [&](TensorId id) { return renumbered.at(id); };
+    graph_.inputs.renumber(to);
+    graph_.outputs.renumber(to);
+    for (TensorId& id : graph_.saved) id = to(id);
   }
 
   const Graph& source_;

@@ -37,7 +37,7 @@ class CpuSteps {
       executor_.emplace(std::move(graph), false);
     executor_->prepare(batch.layout);
     fill_inputs(batch, executor_->graph(), 3, [&](graph::TensorId id) { return executor_->data(id); });
-    T* to = executor_->data(executor_->graph().truth);
+    T* to = executor_->data(executor_->graph().input(graph::Input::truth));
     for (const Truth& truth : truths)
       to = std::transform(truth.begin(), truth.end(), to, [](double x) { return static_cast<T>(x); });
     executor_->run(pool_);
@@ -78,7 +78,7 @@ class GraphDifferentiator : public Differentiator {
     gradients = model::parameter_gradients(weights, training.whole, training.made, constants, for_each_);
 
     std::array<double, ops::loss_terms> means{};
-    const std::vector<double> loss = steps_.numbers(training.made.loss);
+    const std::vector<double> loss = steps_.numbers(training.made.output(graph::Output::loss));
     for (std::size_t i = 0; i < loss.size(); ++i)
       means[i % means.size()] += loss[i] / static_cast<double>(pairs.size());
     return {.rotation = means[0], .translation = means[1], .spread = means[2]};

@@ -22,7 +22,7 @@ void VulkanSteps::run(graph::Graph graph, const PackedBatch& batch, std::span<co
   fill_inputs(batch, executor_->graph(), vk::padded(3),
               [&](graph::TensorId id) { return executor_->input(id); });
   static_assert(vk::padded(ops::truth_width) == ops::truth_width);
-  float* to = executor_->input(executor_->graph().truth);
+  float* to = executor_->input(executor_->graph().input(graph::Input::truth));
   for (const Truth& truth : truths)
     to = std::transform(truth.begin(), truth.end(), to, [](double x) { return static_cast<float>(x); });
   executor_->run();

@@ -168,7 +168,7 @@ void Executor::find_inputs() {
   }
   for (TensorId id : read)
     if (!made.count(id)) inputs_.push_back(id);
-  outputs_ = graph_.outputs();
+  outputs_ = graph_.readable();
 }
 
 std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout) const {
@@ -373,9 +373,10 @@ void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout
   host_schedule_.clear();
   add_tables(host_schedule_);
   import_positions(*context_, host_schedule_, layout_, host, tables_.point.offsets,
-                   slots_[graph_.positions].range, centroids_);
+                   slots_[graph_.input(graph::Input::positions)].range, centroids_);
   add_nodes(host_schedule_);
-  export_poses(*context_, host_schedule_, layout_, host, slots_[graph_.pose].range, centroids_);
+  export_poses(*context_, host_schedule_, layout_, host, slots_[graph_.output(graph::Output::pose)].range,
+               centroids_);
   host_recorder_.bind(host_schedule_);
   host_recorder_.restart();
   host_recorder_.barrier(commands);  // the command buffer may run again and again

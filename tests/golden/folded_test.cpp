@@ -51,7 +51,8 @@ void expect_near(const GoldenCase& golden, const Pose& pose, const Pose& expecte
 template <class T>
 void expect_official(const GoldenCase& golden, cpu::Executor<T>& executor) {
   for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair)
-    expect_near(golden, test::pose_of(executor.data(executor.graph().pose) + 16 * pair),
+    expect_near(golden,
+                test::pose_of(executor.data(executor.graph().output(graph::Output::pose)) + 16 * pair),
                 test::golden_pose(golden, pair));
 }
 
@@ -64,10 +65,9 @@ std::vector<float> run_on_vulkan(const GoldenCase& golden, const graph::Graph& g
     float* to = executor.input(id);
     for (std::size_t i = 0; i < rows.size(); ++i) to[i / 3 * 4 + i % 3] = static_cast<float>(rows[i]);
   };
-  fill(graph.positions, golden.both("points"));
-  if (graph.normals != graph::no_tensor) fill(graph.normals, golden.both("normals"));
+  for (const auto& [role, id] : graph.inputs) fill(id, golden.input(role));
   executor.run();
-  return executor.real(graph.pose);
+  return executor.real(graph.output(graph::Output::pose));
 }
 
 TEST_P(Folded, FloatAgreesWithTheOfficialPose) {
@@ -97,7 +97,7 @@ TEST_P(Folded, VulkanAgreesWithTheOfficialPose) {
     const Pose pose = test::pose_of(poses.data() + 16 * pair);
     // Case 11 shows what the fold drops, see above.
     if (GetParam() != 11) expect_near(golden, pose, test::golden_pose(golden, pair));
-    expect_near(golden, pose, test::pose_of(folded.data(graph.pose) + 16 * pair));
+    expect_near(golden, pose, test::pose_of(folded.data(graph.output(graph::Output::pose)) + 16 * pair));
   }
 }
 

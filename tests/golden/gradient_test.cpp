@@ -34,7 +34,7 @@ TEST_P(OfficialGradient, IsReproduced) {
   const auto R = golden.values("in.R_gt"), t = golden.values("in.t_gt");
   golden.fill(executor);
   for (std::uint32_t pair = 0; pair < golden.layout().pairs(); ++pair) {
-    double* truth = executor.data(graph.truth) + pair * ops::truth_width;
+    double* truth = executor.data(graph.input(graph::Input::truth)) + pair * ops::truth_width;
     std::copy_n(R.begin() + 9 * pair, 9, truth);
     std::copy_n(t.begin() + 3 * pair, 3, truth + 9);
     std::ranges::copy(ops::no_symmetry, truth + ops::pose_numbers);
@@ -42,7 +42,7 @@ TEST_P(OfficialGradient, IsReproduced) {
   ThreadPool pool(2);
   executor.run(pool);
 
-  const auto* loss = executor.data(graph.loss);
+  const auto* loss = executor.data(graph.output(graph::Output::loss));
   double terms[ops::loss_terms] = {};
   for (std::uint32_t pair = 0; pair < golden.layout().pairs(); ++pair)
     for (double& term : terms) term += *loss++ / golden.layout().pairs();

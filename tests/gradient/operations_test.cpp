@@ -104,7 +104,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
     cpu::Executor<double> executor(graph, true);
     executor.prepare(layout_);
     for (std::uint32_t pair = 0; pair < layout_.pairs(); ++pair) {
-      double* truth = executor.data(graph.truth) + pair * ops::truth_width;
+      double* truth = executor.data(graph.input(graph::Input::truth)) + pair * ops::truth_width;
       const auto R = random_.rotation();
       for (int i = 0; i < ops::pose_numbers; ++i) truth[i] = i < 9 ? R[i] : random_.normal();
       test::any_symmetry(random_, pair, truth + ops::pose_numbers);

@@ -59,22 +59,35 @@ struct CloudBatch {
   /// The inputs of a prepared executor.
   template <class T>
   void fill(cpu::Executor<T>& executor) const {
-    const auto copy = [&](graph::TensorId id, auto PointCloud::*rows) {
-      if (id == graph::no_tensor) return;
+    for (const auto& [role, id] : executor.graph().inputs) {
       T* to = executor.data(id);
-      for (const PointCloud& cloud : clouds)
-        for (const auto& row : cloud.*rows)
-          for (const auto x : row) *to++ = static_cast<T>(x);
-    };
-    copy(executor.graph().positions, &PointCloud::positions);
-    copy(executor.graph().normals, &PointCloud::normals);
-    copy(executor.graph().colors, &PointCloud::colors);
-    if (executor.graph().offsets != graph::no_tensor) {
-      T* to = executor.data(executor.graph().offsets);
-      for (const PointCloud& cloud : clouds)
-        for (const Vec3d& row : offsets(cloud))
-          for (const double x : row) *to++ = static_cast<T>(x);
+      for (const Vec3d& row : rows(role))
+        for (const double x : row) *to++ = static_cast<T>(x);
     }
+  }
+  /// An input's rows: one per point, none where clouds do not have that input.
+  std::vector<Vec3d> rows(graph::Input role) const {
+    std::vector<Vec3d> all;
+    const auto add = [&](const auto& rows) {
+      for (const auto& [x, y, z] : rows) all.push_back({x, y, z});
+    };
+    for (const PointCloud& cloud : clouds) switch (role) {
+        case graph::Input::positions:
+          add(cloud.positions);
+          break;
+        case graph::Input::normals:
+          add(cloud.normals);
+          break;
+        case graph::Input::colors:
+          add(cloud.colors);
+          break;
+        case graph::Input::offsets:
+          add(offsets(cloud));
+          break;
+        case graph::Input::truth:
+          break;
+      }
+    return all;
   }
 };
 

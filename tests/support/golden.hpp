@@ -8,6 +8,7 @@
 #include <bitr/io.hpp>
 #include <bitr/pose.hpp>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -82,6 +83,13 @@ struct GoldenCase {
     return rows;
   }
 
+  /// An input's rows; throws for an input that no case has.
+  std::vector<double> input(graph::Input role) const {
+    static const std::map<graph::Input, std::string> names = {{graph::Input::positions, "points"},
+                                                              {graph::Input::normals, "normals"}};
+    return both(names.at(role));
+  }
+
   /// Lays out the batch and copies the inputs.
   template <class T>
   void fill(cpu::Executor<T>& executor) const {
@@ -89,8 +97,8 @@ struct GoldenCase {
     const auto copy = [&](graph::TensorId id, const std::vector<double>& rows) {
       std::transform(rows.begin(), rows.end(), executor.data(id), [](double x) { return static_cast<T>(x); });
     };
-    copy(executor.graph().positions, both("points"));
-    if (executor.graph().normals != graph::no_tensor) copy(executor.graph().normals, both("normals"));
+    for (const auto& [role, id] : executor.graph().inputs)
+      if (role != graph::Input::truth) copy(id, input(role));
   }
   template <class T>
   void run(cpu::Executor<T>& executor, ThreadPool& pool) const {

@@ -63,8 +63,8 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     ops::Gradient<Operation> gradient{.op = op,
                                       .inputs = static_cast<int>(node.inputs.size()),
                                       .outputs = 1,
-                                      .given = {0},
-                                      .wanted = {},
+                                      .grad_outputs = {0},
+                                      .needs_input_grad = {},
                                       .constants = ops::constant_count(op) > 0};
     std::vector<OpTensor> inputs, outputs;
     for (std::size_t i = 0; i < node.inputs.size(); ++i) {
@@ -88,10 +88,7 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     }
   }
 
-  bool wanted(graph::TensorId id) const {
-    const graph::Graph& graph = executor_->graph();
-    return id != graph.positions && id != graph.normals && id != graph.colors;
-  }
+  bool wanted(graph::TensorId id) const { return !executor_->graph().inputs.holds(id); }
 
   OpTensor value(graph::TensorId id) const {
     const auto& info = executor_->graph().tensors[id];

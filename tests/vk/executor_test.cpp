@@ -104,7 +104,7 @@ TEST(Executor, SeventyThousandPoints) {
   cpu::Executor<double> truth(network.graph, false);
   ThreadPool pool(2);
   network.batch.run(truth, network.config.num_key_points, pool);
-  const double* expected = truth.data(truth.graph().pose);
+  const double* expected = truth.data(truth.graph().output(graph::Output::pose));
   EXPECT_LE(rotation_error_degrees(test::pose_of(pose.data()), test::pose_of(expected)), 0.05);
   for (int i = 9; i < 12; ++i) EXPECT_NEAR(pose[i], expected[i], 1e-3);
 }

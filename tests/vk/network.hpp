@@ -24,18 +24,19 @@ struct VulkanNetwork {
     return {rows.pairs(), rows.rows(graph::Rows::point), rows.key_points};
   }
   void fill(const vk::Executor& executor) const {
-    float* to = executor.input(executor.graph().positions);
-    for (const PointCloud& cloud : batch.clouds)
-      for (const Vec3d& p : cloud.positions) {
-        for (const double x : p) *to++ = static_cast<float>(x);
+    for (const auto& [role, id] : executor.graph().inputs) {
+      float* to = executor.input(id);
+      for (const Vec3d& row : batch.rows(role)) {
+        for (const double x : row) *to++ = static_cast<float>(x);
         *to++ = 0;
       }
+    }
   }
   std::vector<float> run(vk::Executor& executor) const {
     executor.prepare(layout());
     fill(executor);
     executor.run();
-    return executor.real(executor.graph().pose);
+    return executor.real(executor.graph().output(graph::Output::pose));
   }
 
  private:

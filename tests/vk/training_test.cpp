@@ -69,8 +69,8 @@ std::set<graph::TensorId> given(const graph::Node& node) {
   return std::visit(
       [&](const auto& op) {
         std::set<graph::TensorId> ids;
-        if constexpr (requires { op.given; })
-          for (const int output : op.given) ids.insert(node.inputs[op.grad_output_at(output)]);
+        if constexpr (requires { op.grad_outputs; })
+          for (const int output : op.grad_outputs) ids.insert(node.inputs[op.grad_output_at(output)]);
         return ids;
       },
       node.op);
@@ -86,7 +86,7 @@ class Training : public testing::TestWithParam<Case> {
     const test::CloudBatch batch(random_, c.pairs);
     layout_ = batch.layout(c.config.num_key_points);
     executor_->prepare(layout_);
-    double* truth = executor_->data(executor_->graph().truth);
+    double* truth = executor_->data(executor_->graph().input(graph::Input::truth));
     for (std::uint32_t pair = 0; pair < layout_.pairs(); ++pair, truth += ops::truth_width) {
       const Pose pose = test::random_pose(random_);
       std::copy(pose.rotation.begin(), pose.rotation.end(), truth);
