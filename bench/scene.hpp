@@ -2,12 +2,11 @@
 #pragma once
 
 #include <numeric>
-#include <optional>
 #include <vector>
 
+#include "api/executor.hpp"
 #include "api/pack.hpp"
 #include "bench.hpp"
-#include "cpu/executor.hpp"
 
 namespace bitr::bench {
 
@@ -36,26 +35,24 @@ class Scene {
   template <class T>
   std::vector<T> copy(graph::TensorId id) {
     if (!network_) {
-      network_.emplace(graph_, true);
+      network_ = make_executor(cpu_, graph_, layout(), {.retain = true});
       network_->prepare(layout());
-      fill_inputs(batch_, graph_, 3, [&](graph::TensorId input) { return network_->data(input); });
+      fill_inputs(batch_, *network_);
     }
     // Inputs alone need no run.
     if (!ran_ && !graph_.inputs.holds(id)) {
-      ThreadPool pool;
-      network_->run(pool);
+      network_->run();
       ran_ = true;
     }
-    const graph::TensorInfo& info = graph_.tensors[id];
-    const T* data = network_->data<T>(id);
-    return {data, data + layout().rows(info.rows) * info.per_row * info.width};
+    return network_->read<T>(id);
   }
 
   const graph::Graph& graph_;
   const Size size_;
   std::vector<GeneratedPair> pairs_;
   PackedBatch batch_;
-  std::optional<cpu::Executor<float>> network_;  // once a tensor is asked for
+  const Device cpu_ = cpu_device();
+  std::unique_ptr<graph::Executor> network_;  // once a tensor is asked for
   bool ran_ = false;
 };
 

@@ -82,13 +82,13 @@ Result<Pass> forward(Plan::Impl& plan, std::span<const CloudPair> pairs) {
   if (!batch) return tl::unexpected(batch.error());
   Pass pass{std::move(*batch), {}, {}};
   plan.run(pass.batch);
-  const auto rows = plan.runner->tensor(plan.runner->graph().output(graph::Output::pose));
+  const auto rows = plan.executor->read<double>(graph::Output::pose);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double* row = rows.data() + i * ops::pose_width;
     pass.raw.push_back(
         {{orthonormalised(row), {row[9], row[10], row[11]}}, {row[12], row[13], row[14]}, row[15]});
   }
-  pass.key_points = plan.runner->tensor(plan.runner->graph().output(graph::Output::key_points));
+  pass.key_points = plan.executor->read<double>(graph::Output::key_points);
   return pass;
 }
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "graph/graph.hpp"
+#include "graph/executor.hpp"
 
 namespace bitr {
 
@@ -50,15 +50,17 @@ struct InputRows {
 /// nullopt for an input that clouds do not have.
 std::optional<InputRows> input_rows(const PackedBatch& batch, std::size_t cloud, graph::Input role);
 
-/// Writes every input of the graph that clouds have. `data(id)` is where a tensor begins, in rows of `stride`
-/// numbers, those past the third 0.
-template <class Data>
-void fill_inputs(const PackedBatch& batch, const graph::Graph& graph, std::size_t stride, Data data) {
-  for (const auto& [role, id] : graph.inputs)
+/// Writes every input that clouds have into an executor prepared for the batch.
+inline void fill_inputs(const PackedBatch& batch, graph::Executor& executor) {
+  for (const auto& [role, id] : executor.graph().inputs) {
+    const graph::TensorView to = executor.input(id);
     for (std::size_t c = 0; c < batch.clouds.size(); ++c)
       if (const auto from = input_rows(batch, c, role))
-        copy_rows(from->rows, batch.order[c], from->shift, stride,
-                  data(id) + stride * batch.layout.cloud_offset[c]);
+        to.visit([&](auto* rows) {
+          copy_rows(from->rows, batch.order[c], from->shift, to.stride,
+                    rows + to.stride * batch.layout.cloud_offset[c]);
+        });
+  }
 }
 
 }  // namespace bitr

@@ -23,7 +23,7 @@ Range slice(const BufferSlice& buffer, std::size_t numbers) {
 }
 
 Result<void> record_checked(VkCommandBuffer commands, Plan::Impl& plan, const Bindings& bindings) {
-  Executor* executor = plan.runner->vulkan();
+  auto* executor = dynamic_cast<Executor*>(plan.executor.get());
   if (!executor) return fail(ErrorCode::invalid_argument, "the plan is not on a Vulkan device");
   if (!commands) return fail(ErrorCode::invalid_argument, "no command buffer");
   if (!bindings.source_positions.buffer || !bindings.reference_positions.buffer || !bindings.poses.buffer)

@@ -22,12 +22,12 @@ struct CaseRun {
   explicit CaseRun(int number)
       : golden(GoldenCase::load(number)),
         whole(model::build_graph(golden.weights, Mode::reference)),
-        executor(model::expand(whole), true) {
-    ThreadPool pool(2);
-    golden.run(executor, pool);
+        executor(model::expand(whole), pool, {.retain = true}) {
+    golden.run(executor);
   }
   const GoldenCase golden;
   const graph::Graph whole;
+  ThreadPool pool{2};
   cpu::Executor<double> executor;
 };
 

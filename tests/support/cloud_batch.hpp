@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cpu/executor.hpp"
+#include "graph/executor.hpp"
 #include "support/shapes.hpp"
 
 namespace bitr::test {
@@ -50,26 +50,21 @@ struct CloudBatch {
       for (double& x : o) x /= std::sqrt(square);
     return result;
   }
-  template <class T>
-  void run(cpu::Executor<T>& executor, int key_points, ThreadPool& pool) const {
+  void run(graph::Executor& executor, int key_points) const {
     executor.prepare(layout(key_points));
     fill(executor);
-    executor.run(pool);
+    executor.run();
   }
-  /// The inputs of a prepared executor.
-  template <class T>
-  void fill(cpu::Executor<T>& executor) const {
-    for (const auto& [role, id] : executor.graph().inputs) {
-      T* to = executor.data(id);
-      for (const Vec3d& row : rows(role))
-        for (const double x : row) *to++ = static_cast<T>(x);
-    }
+  /// The inputs of a prepared executor, those that clouds have.
+  void fill(graph::Executor& executor) const {
+    for (const auto& [role, id] : executor.graph().inputs)
+      if (const std::vector<double> numbers = rows(role); !numbers.empty()) executor.write(id, numbers);
   }
   /// An input's rows: one per point, none where clouds do not have that input.
-  std::vector<Vec3d> rows(graph::Input role) const {
-    std::vector<Vec3d> all;
+  std::vector<double> rows(graph::Input role) const {
+    std::vector<double> all;
     const auto add = [&](const auto& rows) {
-      for (const auto& [x, y, z] : rows) all.push_back({x, y, z});
+      for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
     };
     for (const PointCloud& cloud : clouds) switch (role) {
         case graph::Input::positions:

@@ -90,20 +90,15 @@ struct GoldenCase {
     return both(names.at(role));
   }
 
-  /// Lays out the batch and copies the inputs.
-  template <class T>
-  void fill(cpu::Executor<T>& executor) const {
+  /// Lays out the batch and copies the clouds.
+  void fill(graph::Executor& executor) const {
     executor.prepare(layout());
-    const auto copy = [&](graph::TensorId id, const std::vector<double>& rows) {
-      std::transform(rows.begin(), rows.end(), executor.data(id), [](double x) { return static_cast<T>(x); });
-    };
     for (const auto& [role, id] : executor.graph().inputs)
-      if (role != graph::Input::truth) copy(id, input(role));
+      if (role != graph::Input::truth) executor.write(id, input(role));
   }
-  template <class T>
-  void run(cpu::Executor<T>& executor, ThreadPool& pool) const {
+  void run(graph::Executor& executor) const {
     fill(executor);
-    executor.run(pool);
+    executor.run();
   }
 };
 

@@ -82,7 +82,7 @@ class Training : public testing::TestWithParam<Case> {
     if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
     const Case& c = GetParam();
     const auto training = train::training_graph(test::perturbed_weights(c.config, 3), c.loss, false);
-    executor_.emplace(training.result.graph, true);
+    executor_.emplace(training.result.graph, pool_, cpu::ExecutorOptions{.retain = true});
     const test::CloudBatch batch(random_, c.pairs);
     layout_ = batch.layout(c.config.num_key_points);
     executor_->prepare(layout_);
@@ -102,20 +102,18 @@ class Training : public testing::TestWithParam<Case> {
       truth[ops::pose_numbers + 6] = pair % 3 == 1 ? 0 : std::numbers::pi / 2;
       test::any_symmetry(random_, pair, truth + ops::pose_numbers);
     }
-    batch.run(*executor_, c.config.num_key_points, pool_);
+    batch.fill(*executor_);
+    executor_->run();
   }
 
   const graph::TensorInfo& info(graph::TensorId id) const { return executor_->graph().tensors[id]; }
 
   // Rounded to float first, so that both read the same numbers; or random.
   OpTensor input(graph::TensorId id, bool random) {
-    OpTensor tensor = OpTensor::like(info(id));
-    const std::size_t count = layout_.rows(info(id).rows) * info(id).per_row * info(id).width;
-    std::vector<float> rounded(executor_->data(id), executor_->data(id) + count);
+    OpTensor tensor = test::read(*executor_, id);
     if (random)
-      for (float& x : rounded) x = static_cast<float>(random_.normal());
-    tensor.values.assign(rounded.begin(), rounded.end());
-    return tensor;
+      for (double& x : tensor.values) x = random_.normal();
+    return test::rounded(std::move(tensor));
   }
 
   void check(const graph::Node& node, bool random) {
@@ -139,9 +137,9 @@ class Training : public testing::TestWithParam<Case> {
   }
 
   Random random_{7};
+  ThreadPool pool_{2};
   std::optional<cpu::Executor<double>> executor_;
   graph::BatchLayout layout_;
-  ThreadPool pool_{2};
 };
 
 TEST_P(Training, Operations) {
