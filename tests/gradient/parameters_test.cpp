@@ -91,7 +91,8 @@ TEST_P(ParameterGradients, AGradientWithoutAnOriginIsAnError) {
     auto& from = training_.made.origins.at(node).nodes;
     const std::vector<std::size_t> kept = from;
     from.clear();
-    EXPECT_THAT(error(), HasSubstr(training_.made.nodes[node].name + " has a gradient and came from no node"));
+    EXPECT_THAT(error(),
+                HasSubstr(training_.made.nodes[node].name + " has a gradient and came from no node"));
     // Neither is a ReLU forgotten that was folded into its layer.
     from = kept;
     if (kept.size() > 1 && std::holds_alternative<ops::ProjectedRelu>(training_.whole.nodes[kept[1]].op)) {
