@@ -73,6 +73,27 @@ TEST(Executor, RefusesABatchBeyondItsCapacity) {
   small.run(executor);
 }
 
+TEST(Executor, GrowsWithItsBatchesIfAsked) {
+  BITR_NEEDS_VULKAN();
+  const VulkanNetwork small({{40, 33}}), large({{200, 90}}), more({{25, 25}, {40, 33}, {30, 30}});
+  vk::Executor executor(test::vulkan(), small.graph, small.capacity(), {.growth = 1.5});
+  const auto first = small.run(executor);
+  const std::size_t bytes = executor.workspace_bytes();
+  for (const VulkanNetwork* network : {&large, &more}) {
+    vk::Executor own(test::vulkan(), network->graph, network->capacity());
+    EXPECT_EQ(network->run(executor), network->run(own));
+  }
+  EXPECT_GT(executor.workspace_bytes(), bytes);
+  // What has held them all holds each of them, and half as many points again.
+  const VulkanNetwork between({{280, 100}});
+  const std::size_t allocations = test::vulkan()->allocations();
+  EXPECT_EQ(small.run(executor), first);
+  large.run(executor);
+  more.run(executor);
+  between.run(executor);
+  EXPECT_EQ(test::vulkan()->allocations(), allocations);
+}
+
 // Two plans of two threads share the device, its queue and its pipelines.
 TEST(Executor, ThreadsShareADevice) {
   BITR_NEEDS_VULKAN();
