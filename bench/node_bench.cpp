@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 
+#include "api/internal.hpp"
 #include "model/build.hpp"
 #include "model/load.hpp"
 #include "scene.hpp"
@@ -146,13 +147,13 @@ void measure(benchmark::State& state, const Run& run, const Device& device, cons
     state.counters["arena_bytes"] = static_cast<double>(executor->workspace_bytes());
     report_rates(state, device, bench.flops(job), job.bytes());
   }
-  if (!device.context()) return;
+  if (!Internal::context(device)) return;
   const graph::Counters counters = executor->counters();
   state.counters["dispatches"] = static_cast<double>(counters.dispatches);
   state.counters["barriers"] = static_cast<double>(counters.barriers);
   if (!run.counters)
     state.counters["spirv_bytes"] =
-        static_cast<double>(spirv_bytes(*device.context(), lone.graph, scene.layout()));
+        static_cast<double>(spirv_bytes(*Internal::context(device), lone.graph, scene.layout()));
 }
 
 }  // namespace

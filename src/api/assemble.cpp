@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/finite.hpp"
 #include "core/guarded.hpp"
@@ -145,7 +146,8 @@ Result<std::vector<Assembly>> assemble_checked(Plan::Impl& impl, std::span<const
           residual(found->T_reference_source * swapped->raw[i].T_reference_source,
                    diagonal(pairs[i].reference.positions));
     if (options.diagnostics)
-      measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
+      measure_overlap(pairs[i], assembly.T_reference_source, Internal::pool(impl.device),
+                      assembly.diagnostics);
   }
   return assemblies;
 }
@@ -164,7 +166,7 @@ BatchShape shape_of(std::span<const CloudPair> pairs) {
 
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options) {
-  return guarded([&] { return assemble_checked(plan.impl(), pairs, options); });
+  return guarded([&] { return assemble_checked(Internal::impl(plan), pairs, options); });
 }
 
 }  // namespace bitr

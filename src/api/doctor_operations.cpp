@@ -6,6 +6,7 @@
 
 #include "api/doctor.hpp"
 #include "api/executor.hpp"
+#include "api/internal.hpp"
 #include "api/pack.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
@@ -165,11 +166,11 @@ void check_operations(const Device& device, const Model& model, const std::vecto
   std::vector<CloudPair> clouds;
   for (const RandomPair& pair : pairs) clouds.push_back(pair.view());
   const PackedBatch batch = value_or_throw(pack(model.config(), Precision::f64, shape_of(clouds), clouds));
-  const Device cpu = cpu_device(device.threads());
+  const Device cpu = Internal::cpu_of(device);
   // The modes have the same operations, with other norms.
   std::vector<Check> worst;
   for (const Mode mode : {Mode::scale_exact, Mode::reference}) {
-    const graph::Graph graph = model::fold(model::build_graph(model.weights(), mode));
+    const graph::Graph graph = model::fold(model::build_graph(Internal::weights(model), mode));
     std::vector<Check> found;
     Operations(device, cpu, graph, batch).check(found);
     if (worst.empty()) worst = found;

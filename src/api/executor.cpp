@@ -1,5 +1,6 @@
 #include "api/executor.hpp"
 
+#include "api/internal.hpp"
 #include "cpu/executor.hpp"
 #include "model/build.hpp"
 #include "model/weights.hpp"
@@ -15,13 +16,13 @@ std::unique_ptr<graph::Executor> make_executor(const Device& device, graph::Grap
     if (!single)
       throw Failure(ErrorCode::unsupported, device.name() + " computes in float: double is for the CPU");
     return std::make_unique<vk::Executor>(
-        device.context(), std::move(graph), capacity,
+        Internal::context(device), std::move(graph), capacity,
         vk::ExecutorOptions{
             .retain = options.retain, .guard_bytes = options.guard_bytes, .growth = options.growth});
   }
   const cpu::ExecutorOptions own{options.retain, options.guard_bytes};
-  if (single) return std::make_unique<cpu::Executor<float>>(std::move(graph), device.pool(), own);
-  return std::make_unique<cpu::Executor<double>>(std::move(graph), device.pool(), own);
+  if (single) return std::make_unique<cpu::Executor<float>>(std::move(graph), Internal::pool(device), own);
+  return std::make_unique<cpu::Executor<double>>(std::move(graph), Internal::pool(device), own);
 }
 
 Result<std::unique_ptr<graph::Executor>> make_executor(const Device& device, const Model& model,
@@ -34,7 +35,8 @@ Result<std::unique_ptr<graph::Executor>> make_executor(const Device& device, con
   const bool vulkan = device.backend() == Backend::vulkan;
   if (vulkan && options.precision == Precision::f64) return refuse("precision f64");
   if (vulkan && options.as_defined) return refuse("the network as defined, unfolded,");
-  const graph::Graph whole = model::build_graph(model.weights(), options.mode.value_or(model.mode()));
+  const graph::Graph whole =
+      model::build_graph(Internal::weights(model), options.mode.value_or(model.mode()));
   graph::Graph graph = options.as_defined ? model::expand(whole) : model::fold(whole);
   for (graph::Node& node : graph.nodes)
     if (auto* knn = std::get_if<ops::Knn>(&node.op)) knn->search = options.neighbors;

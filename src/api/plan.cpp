@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "api/internal.hpp"
 #include "core/guarded.hpp"
 
 namespace bitr {
@@ -35,6 +36,8 @@ void Plan::Impl::run(const PackedBatch& batch) {
   }
   passes.push_back(std::move(pass));
 }
+
+Plan Internal::plan(std::unique_ptr<Plan::Impl> impl) { return Plan(std::move(impl)); }
 
 Plan::Plan(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Plan::Plan(Plan&&) noexcept = default;
@@ -70,12 +73,12 @@ Result<Plan> make_plan(const Device& device, const Model& model, const BatchShap
   return guarded([&]() -> Result<Plan> {
     auto executor = make_executor(device, model, capacity, options, false);
     if (!executor) return tl::unexpected(executor.error());
-    return Plan(std::make_unique<Plan::Impl>(Plan::Impl{.device = device,
-                                                        .model = model,
-                                                        .capacity = capacity,
-                                                        .options = options,
-                                                        .mode = options.mode.value_or(model.mode()),
-                                                        .executor = std::move(*executor)}));
+    return Internal::plan(std::make_unique<Plan::Impl>(Plan::Impl{.device = device,
+                                                                  .model = model,
+                                                                  .capacity = capacity,
+                                                                  .options = options,
+                                                                  .mode = options.mode.value_or(model.mode()),
+                                                                  .executor = std::move(*executor)}));
   });
 }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
 
@@ -31,7 +32,7 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
   const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
   const auto tested =
       make_executor(impl.device, impl.model, {1, batch->layout.rows(graph::Rows::point)}, impl.options, true);
-  const Device cpu = cpu_device(impl.device.threads());
+  const Device cpu = Internal::cpu_of(impl.device);
   const auto truth = make_executor(cpu, impl.model, {}, truth_options, true);
   if (!tested) return tl::unexpected(tested.error());
   if (!truth) return tl::unexpected(truth.error());
@@ -82,7 +83,7 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
 }  // namespace
 
 Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
-  return guarded([&] { return verify_checked(plan.impl(), pair); });
+  return guarded([&] { return verify_checked(Internal::impl(plan), pair); });
 }
 
 }  // namespace bitr

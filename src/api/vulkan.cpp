@@ -1,6 +1,7 @@
 #include <bitr/vulkan.hpp>
 #include <numeric>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
 #include "vk/executor.hpp"
@@ -79,12 +80,12 @@ Result<Device> adopt(const AdoptInfo& info) {
     auto context = std::make_shared<Context>(HostDevice{
         info.get_instance_proc_addr, info.instance, info.physical_device, info.device, info.queue,
         info.queue_family, info.pipeline_cache, info.allocation, info.lock_queue, info.unlock_queue});
-    return Device(std::make_shared<ThreadPool>(info.threads), std::move(context));
+    return Internal::device(std::make_shared<ThreadPool>(info.threads), std::move(context));
   });
 }
 
 Result<void> record(VkCommandBuffer commands, Plan& plan, const Bindings& bindings) {
-  return guarded([&] { return record_checked(commands, plan.impl(), bindings); });
+  return guarded([&] { return record_checked(commands, Internal::impl(plan), bindings); });
 }
 
 }  // namespace bitr::vk

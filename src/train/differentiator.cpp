@@ -1,6 +1,7 @@
 #include "train/differentiator.hpp"
 
 #include "api/executor.hpp"
+#include "api/internal.hpp"
 #include "api/pack.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
@@ -73,7 +74,7 @@ class GraphDifferentiator : public Differentiator {
   const Device device_;
   const DifferentiatorOptions options_;
   const ForEach for_each_ = [this](std::size_t count, const std::function<void(std::size_t)>& work) {
-    device_.pool().parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    Internal::pool(device_).parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) work(i);
     });
   };

@@ -147,11 +147,11 @@ TEST(Fold, PortsKeepTheirTensors) {
   EXPECT_EQ(name(graph.output(graph::Output::key_points)), "key.points");
   EXPECT_EQ(name(graph.output(graph::Output::pose)), "out.pose");
   EXPECT_EQ(graph.output(graph::Output::loss), graph::no_tensor);
-  for (const auto& node : graph.nodes)
-    if (std::holds_alternative<ops::InputFeatures>(node.op))
-      EXPECT_EQ(node.inputs,
-                (std::vector{graph.input(graph::Input::colors), graph.input(graph::Input::normals),
-                             graph.input(graph::Input::offsets)}));
+  for (const auto& node : graph.nodes) {
+    if (!std::holds_alternative<ops::InputFeatures>(node.op)) continue;
+    EXPECT_EQ(node.inputs, (std::vector{graph.input(graph::Input::colors), graph.input(graph::Input::normals),
+                                        graph.input(graph::Input::offsets)}));
+  }
 }
 
 TEST(CheckExecutable, FindsEachFault) {

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <set>
 
+#include "api/internal.hpp"
 #include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
@@ -216,7 +217,7 @@ double difference(const train::Gradients& one, const train::Gradients& exact) {
 // From step to step the weights, and how many points there are, change.
 void compare_steps(const ModelConfig& config, ops::LossKind loss) {
   const auto pool = std::make_shared<ThreadPool>(2);
-  const Device cpu(pool), vulkan(pool, test::vulkan());
+  const Device cpu = Internal::device(pool), vulkan = Internal::device(pool, test::vulkan());
   Random random(5);
   const auto exact = train::make_differentiator(cpu, {}, {.loss = loss, .precision = Precision::f64});
   const auto single = train::make_differentiator(cpu, {}, {.loss = loss});
