@@ -78,6 +78,10 @@ class Executor {
     to.visit(
         [&]<class T>(T* at) { spread(from, to, checked<T, std::ranges::range_value_t<Numbers>>(id, at)); });
   }
+  template <std::ranges::contiguous_range Numbers>
+  void write(Input role, const Numbers& numbers) {
+    write(graph().input(role), numbers);
+  }
   /// A tensor's rows, tight. `to` has as many numbers as the tensor.
   template <class T>
   void read(TensorId id, std::span<T> to) const {
@@ -91,6 +95,10 @@ class Executor {
     std::vector<T> numbers(from.size());
     from.visit([&]<class U>(U* at) { gather(checked<U, T>(id, at), from, std::span(numbers)); });
     return numbers;
+  }
+  template <class T>
+  void read(Output role, std::span<T> to) const {
+    read(graph().output(role), to);
   }
   template <class T>
   std::vector<T> read(Output role) const {

@@ -67,7 +67,7 @@ class GraphDifferentiator : public Differentiator {
                                 {.precision = options_.precision, .growth = growth});
     executor_->prepare(batch.layout);
     fill_inputs(batch, *executor_);
-    executor_->write(executor_->graph().input(graph::Input::truth), truths);
+    executor_->write(graph::Input::truth, truths);
     executor_->run();
   }
 

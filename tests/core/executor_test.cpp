@@ -97,7 +97,8 @@ class CpuExecutor : public testing::Test {
   }
   ThreadPool pool_{2};
 };
-TYPED_TEST_SUITE(CpuExecutor, testing::Types<float, double>);
+using Types = testing::Types<float, double>;
+TYPED_TEST_SUITE(CpuExecutor, Types);
 
 TYPED_TEST(CpuExecutor, RunsBatchAfterBatch) {
   cpu::Executor<TypeParam> executor(this->sum(), this->pool_);
