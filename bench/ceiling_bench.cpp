@@ -3,6 +3,7 @@
 #include <cstring>
 #include <map>
 
+#include "api/internal.hpp"
 #include "commands.hpp"
 #include "core/thread_pool.hpp"
 #include "vk/device.hpp"
@@ -101,10 +102,11 @@ Load copy(const vk::Context& context) {
 }
 
 Load arithmetic_of(const Device& device) {
-  return device.context() ? multiply_add(*device.context()) : product(device.pool());
+  return Internal::context(device) ? multiply_add(*Internal::context(device))
+                                   : product(Internal::pool(device));
 }
 Load memory_of(const Device& device) {
-  return device.context() ? copy(*device.context()) : copy(device.pool());
+  return Internal::context(device) ? copy(*Internal::context(device)) : copy(Internal::pool(device));
 }
 
 // The fastest of the passes that a quarter of a second has room for.

@@ -1,5 +1,6 @@
 // What a dispatch of nothing costs within a submission, with and without a barrier before it (1,024 of them;
 // a time is of all), and what the submission costs.
+#include "api/internal.hpp"
 #include "commands.hpp"
 #include "vk/device.hpp"
 
@@ -48,11 +49,11 @@ void submission(benchmark::State& state, const vk::Context& context) {
 void register_dispatches(const Run& run) {
   if (run.counters) return;
   for (const Device& device : run.devices) {
-    if (!device.context()) continue;
+    if (!Internal::context(device)) continue;
     const auto add = [&](const char* what, auto body) {
       benchmark::RegisterBenchmark((std::string("dispatch/") + what + "/vulkan").c_str(),
                                    [device, body](benchmark::State& state) {
-                                     guarded(state, [&] { body(state, *device.context()); });
+                                     guarded(state, [&] { body(state, *Internal::context(device)); });
                                    })
           ->UseManualTime()
           ->Unit(benchmark::kMicrosecond);

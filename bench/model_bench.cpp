@@ -1,6 +1,7 @@
 // Whole forward passes, from the host's clouds to poses.
 #include <bitr/assemble.hpp>
 
+#include "api/internal.hpp"
 #include "model/build.hpp"
 #include "model/weights.hpp"
 #include "node_bench.hpp"
@@ -30,7 +31,7 @@ void measure(benchmark::State& state, const Run& run, const Device& device, Size
     for (const StageTime& stage : plan.profile()) device_ms += stage.milliseconds;
   }
   state.counters["arena_bytes"] = static_cast<double>(plan.workspace_bytes());
-  if (device.context()) {
+  if (Internal::context(device)) {
     const PlanCounters counters = plan.counters();
     state.counters["dispatches"] = static_cast<double>(counters.dispatches);
     state.counters["barriers"] = static_cast<double>(counters.barriers);
@@ -43,7 +44,8 @@ void measure(benchmark::State& state, const Run& run, const Device& device, Size
   // them.
   const graph::BatchLayout layout(std::vector(2 * size.pairs, size.points),
                                   static_cast<std::uint32_t>(model.config().num_key_points));
-  const Estimate work = estimate_of(model::fold(model::build_graph(model.weights(), model.mode())), layout);
+  const Estimate work =
+      estimate_of(model::fold(model::build_graph(Internal::weights(model), model.mode())), layout);
   report_rates(state, device, work.flops, work.bytes);
 }
 

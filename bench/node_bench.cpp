@@ -6,10 +6,11 @@
 #include <optional>
 #include <set>
 
+#include "api/internal.hpp"
 #include "model/build.hpp"
 #include "model/load.hpp"
 #include "scene.hpp"
-#include "vk/executor.hpp"
+#include "vk/kernel.hpp"
 
 namespace bitr::bench {
 namespace {
@@ -33,11 +34,11 @@ Graph folded_graph(const ModelConfig& config) {
 bool is_index(const TensorInfo& info) { return info.kind == graph::ElementKind::index; }
 
 // The last one is kept: benchmarks of one size follow each other.
-Scene& scene_of(const Graph& graph, std::uint32_t key_points, Size size) {
+Scene& scene_of(const Graph& graph, const ModelConfig& config, Size size) {
   static std::optional<Scene> scene;
   if (!scene || !scene->is_of(graph, size)) {
     scene.reset();
-    scene.emplace(graph, key_points, size);
+    scene.emplace(graph, config, size);
   }
   return *scene;
 }
@@ -63,52 +64,18 @@ struct Pass {
   double wall;
 };
 
-class CpuNode {
- public:
-  CpuNode(const Device& device, const Lone& lone, Scene& scene, const std::vector<TensorId>& inputs)
-      : device_(device), executor_(lone.graph, true) {
-    executor_.prepare(scene.layout());
-    for (const TensorId id : inputs)
-      if (const TensorId here = lone.id.at(id); is_index(lone.graph.tensors[here]))
-        std::ranges::copy(scene.indices(id), executor_.data<std::uint32_t>(here));
-      else
-        std::ranges::copy(scene.real(id), executor_.data(here));
-  }
-  void run() { executor_.run(device_.pool()); }
-  double milliseconds() const { return executor_.node_milliseconds().front(); }
-  std::size_t arena_bytes() const { return executor_.workspace_bytes(); }
-
- private:
-  const Device& device_;
-  cpu::Executor<float> executor_;
-};
-
-class VulkanNode {
- public:
-  VulkanNode(const Device& device, const Lone& lone, Scene& scene, const std::vector<TensorId>& inputs)
-      : executor_(device.context(), lone.graph, scene.layout()) {
-    executor_.prepare(scene.layout());
-    for (const TensorId id : inputs) {
-      const TensorId here = lone.id.at(id);
-      const TensorInfo& info = lone.graph.tensors[here];
-      float* to = executor_.input(here);
-      if (is_index(info)) {
-        std::ranges::copy(scene.indices(id), reinterpret_cast<std::uint32_t*>(to));
-        continue;
-      }
-      const auto width = static_cast<std::size_t>(info.width), stride = std::size_t{vk::padded(info.width)};
-      const std::vector<float> numbers = scene.real(id);
-      for (std::size_t i = 0; i < numbers.size(); ++i) to[i / width * stride + i % width] = numbers[i];
-    }
-  }
-  void run() { executor_.run(); }
-  double milliseconds() const { return executor_.node_milliseconds().front(); }
-  std::size_t arena_bytes() const { return executor_.workspace_bytes(); }
-  const vk::Executor& executor() const { return executor_; }
-
- private:
-  vk::Executor executor_;
-};
+// The node, with the tensors that it reads.
+std::unique_ptr<graph::Executor> filled(const Device& device, const Lone& lone, Scene& scene,
+                                        const std::vector<TensorId>& inputs) {
+  auto executor = make_executor(device, lone.graph, scene.layout());
+  executor->prepare(scene.layout());
+  for (const TensorId id : inputs)
+    if (const TensorId here = lone.id.at(id); is_index(lone.graph.tensors[here]))
+      executor->write(here, scene.indices(id));
+    else
+      executor->write(here, scene.real(id));
+  return executor;
+}
 
 // Bytes of the shaders that the node starts. What it records is data: no buffer is needed to look at it.
 std::size_t spirv_bytes(const vk::Context& context, const Graph& graph, const BatchLayout& layout) {
@@ -154,44 +121,39 @@ std::size_t spirv_bytes(const vk::Context& context, const Graph& graph, const Ba
 }
 
 // `seconds` on the device where it has a clock, else until it has answered.
-Pass timed(auto& node) {
+Pass timed(graph::Executor& node) {
   const auto start = std::chrono::steady_clock::now();
   node.run();
   const double wall = seconds_between(start, std::chrono::steady_clock::now());
-  const double seconds = 1e-3 * node.milliseconds();
+  const double seconds = 1e-3 * node.node_milliseconds().front();
   return {seconds > 0 ? seconds : wall, wall};
 }
 
 void measure(benchmark::State& state, const Run& run, const Device& device, const OpBench& bench,
              const Graph& graph, const Node& node, Size size) {
-  Scene& scene = scene_of(graph, static_cast<std::uint32_t>(bench.config.num_key_points), size);
+  Scene& scene = scene_of(graph, bench.config, size);
   const Lone lone(graph, node);
   const Job job{graph, node, scene.layout()};
-  const auto go = [&](auto& runner) {
-    runner.run();
-    double wall = 0;
-    for (auto _ : state) {
-      const Pass pass = timed(runner);
-      state.SetIterationTime(pass.seconds);
-      wall += pass.wall;
-    }
-    if (run.counters) return;
-    state.counters["wall_ms"] = benchmark::Counter(1e3 * wall, benchmark::Counter::kAvgIterations);
-    state.counters["arena_bytes"] = static_cast<double>(runner.arena_bytes());
-    report_rates(state, device, bench.flops(job), job.bytes());
-  };
-  if (!device.context()) {
-    CpuNode runner(device, lone, scene, node.inputs);
-    return go(runner);
+  const auto executor = filled(device, lone, scene, node.inputs);
+  executor->run();
+  double wall = 0;
+  for (auto _ : state) {
+    const Pass pass = timed(*executor);
+    state.SetIterationTime(pass.seconds);
+    wall += pass.wall;
   }
-  VulkanNode runner(device, lone, scene, node.inputs);
-  go(runner);
-  const vk::Counters& counters = runner.executor().counters();
+  if (!run.counters) {
+    state.counters["wall_ms"] = benchmark::Counter(1e3 * wall, benchmark::Counter::kAvgIterations);
+    state.counters["arena_bytes"] = static_cast<double>(executor->workspace_bytes());
+    report_rates(state, device, bench.flops(job), job.bytes());
+  }
+  if (!Internal::context(device)) return;
+  const graph::Counters counters = executor->counters();
   state.counters["dispatches"] = static_cast<double>(counters.dispatches);
   state.counters["barriers"] = static_cast<double>(counters.barriers);
   if (!run.counters)
     state.counters["spirv_bytes"] =
-        static_cast<double>(spirv_bytes(*device.context(), lone.graph, scene.layout()));
+        static_cast<double>(spirv_bytes(*Internal::context(device), lone.graph, scene.layout()));
 }
 
 }  // namespace

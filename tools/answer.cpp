@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/centroid.hpp"
 #include "core/thread_pool.hpp"
@@ -185,7 +186,8 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
       return tl::unexpected(refined.error());
   for (std::size_t i = 0; i < pairs.size(); ++i)
     if (Assembly& assembly = answers[i].assembly; assembly.status != Status::failed)
-      measure_overlap(clouds[i], assembly.T_reference_source, plan.device().pool(), assembly.diagnostics);
+      measure_overlap(clouds[i], assembly.T_reference_source, Internal::pool(plan.device()),
+                      assembly.diagnostics);
   if (options.confidence)
     if (const auto judged = judge(plan.device(), clouds, evidence, answers); !judged)
       return tl::unexpected(judged.error());

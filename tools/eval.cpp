@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "answer.hpp"
+#include "api/internal.hpp"
 #include "command.hpp"
 #include "core/finite.hpp"
 #include "core/thread_pool.hpp"
@@ -189,7 +190,7 @@ void choose_split(Options& options, const Setting& setting, bool normals) {
 Result<std::vector<DataSample>> draw(const EvalData& data, std::size_t first, std::size_t count,
                                      const Device& device) {
   std::vector<Result<DataSample>> drawn(count, fail(ErrorCode::internal, "not drawn"));
-  device.pool().parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+  Internal::pool(device).parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) drawn[i] = data.sample(first + i);
   });
   std::vector<DataSample> batch;

@@ -4,6 +4,7 @@
 #include <bitr/refine.hpp>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "core/finite.hpp"
 #include "core/thread_pool.hpp"
 #include "options.hpp"
@@ -100,7 +101,7 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
 template <class Of>
 std::vector<Pose> for_each_sample(std::span<const DataSample> batch, const Device& device, Of of) {
   std::vector<Pose> poses(batch.size());
-  device.pool().parallel_for(batch.size(), 1, [&](std::size_t begin, std::size_t end) {
+  Internal::pool(device).parallel_for(batch.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) poses[i] = of(i);
   });
   return poses;

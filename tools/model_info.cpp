@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "api/internal.hpp"
 #include "command.hpp"
 #include "io/quote.hpp"
 #include "model/config.hpp"
@@ -23,7 +24,7 @@ int run(const Options& options) {
   const auto model = find_model(options.input);
   if (!model) return complain(model.error());
 
-  const auto& metadata = model->weights().metadata;
+  const auto& metadata = Internal::weights(*model).metadata;
   const Json config = Json::parse(model::to_json(model->config()));
   if (options.json != "-") {
     std::cout << model->name() << ": " << model->parameter_count() << " parameters in "

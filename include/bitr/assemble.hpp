@@ -112,14 +112,13 @@ class Plan {
   PlanCounters counters() const;
 
   struct Impl;
-  explicit Plan(std::unique_ptr<Impl> impl);
   Plan(Plan&&) noexcept;
   Plan& operator=(Plan&&) noexcept;
   ~Plan();
-  Impl& impl() { return *impl_; }
-  const Impl& impl() const { return *impl_; }
 
  private:
+  friend struct Internal;
+  explicit Plan(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -11,6 +11,7 @@
 
 namespace bitr {
 
+struct Internal;
 class ThreadPool;
 namespace vk {
 class Context;
@@ -40,14 +41,12 @@ class Device {
   /// What the validation layers complained about so far, if DeviceOptions asked for them.
   std::vector<std::string> validation_messages() const;
 
-  explicit Device(std::shared_ptr<ThreadPool> pool, std::shared_ptr<vk::Context> context = nullptr)
-      : pool_(std::move(pool)), context_(std::move(context)) {}
-  ThreadPool& pool() const { return *pool_; }
-  const std::shared_ptr<vk::Context>& context() const { return context_; }  ///< null on the CPU
-
  private:
+  friend struct Internal;
+  Device(std::shared_ptr<ThreadPool> pool, std::shared_ptr<vk::Context> context)
+      : pool_(std::move(pool)), context_(std::move(context)) {}
   std::shared_ptr<ThreadPool> pool_;
-  std::shared_ptr<vk::Context> context_;
+  std::shared_ptr<vk::Context> context_;  // null on the CPU
 };
 
 /// The CPU backend. `threads` = 0 takes every core the process may run on; never more than 1024, or than the

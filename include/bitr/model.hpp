@@ -68,11 +68,10 @@ class Model {
   std::optional<PointRange> trained_points() const;
   std::size_t parameter_count() const;  ///< trainable numbers, tied ones counted once
   std::size_t tensor_count() const;     ///< trainable tensors, tied ones counted once
-  const model::Weights& weights() const { return *weights_; }
-
-  explicit Model(std::shared_ptr<const model::Weights> weights) : weights_(std::move(weights)) {}
 
  private:
+  friend struct Internal;
+  explicit Model(std::shared_ptr<const model::Weights> weights) : weights_(std::move(weights)) {}
   std::shared_ptr<const model::Weights> weights_;
 };
 

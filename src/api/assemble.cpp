@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/finite.hpp"
 #include "core/guarded.hpp"
@@ -82,13 +83,13 @@ Result<Pass> forward(Plan::Impl& plan, std::span<const CloudPair> pairs) {
   if (!batch) return tl::unexpected(batch.error());
   Pass pass{std::move(*batch), {}, {}};
   plan.run(pass.batch);
-  const auto rows = plan.runner->tensor(plan.runner->graph().pose);
+  const auto rows = plan.executor->read<double>(graph::Output::pose);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double* row = rows.data() + i * ops::pose_width;
     pass.raw.push_back(
         {{orthonormalised(row), {row[9], row[10], row[11]}}, {row[12], row[13], row[14]}, row[15]});
   }
-  pass.key_points = plan.runner->tensor(plan.runner->graph().key_points);
+  pass.key_points = plan.executor->read<double>(graph::Output::key_points);
   return pass;
 }
 
@@ -145,7 +146,8 @@ Result<std::vector<Assembly>> assemble_checked(Plan::Impl& impl, std::span<const
           residual(found->T_reference_source * swapped->raw[i].T_reference_source,
                    diagonal(pairs[i].reference.positions));
     if (options.diagnostics)
-      measure_overlap(pairs[i], assembly.T_reference_source, impl.device.pool(), assembly.diagnostics);
+      measure_overlap(pairs[i], assembly.T_reference_source, Internal::pool(impl.device),
+                      assembly.diagnostics);
   }
   return assemblies;
 }
@@ -164,7 +166,7 @@ BatchShape shape_of(std::span<const CloudPair> pairs) {
 
 Result<std::vector<Assembly>> assemble(Plan& plan, std::span<const CloudPair> pairs,
                                        const AssembleOptions& options) {
-  return guarded([&] { return assemble_checked(plan.impl(), pairs, options); });
+  return guarded([&] { return assemble_checked(Internal::impl(plan), pairs, options); });
 }
 
 }  // namespace bitr

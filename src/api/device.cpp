@@ -1,6 +1,7 @@
 #include <bitr/device.hpp>
 #include <fstream>
 
+#include "api/internal.hpp"
 #include "core/guarded.hpp"
 #include "core/thread_pool.hpp"
 #include "vk/device.hpp"
@@ -75,7 +76,7 @@ std::vector<std::string> Device::validation_messages() const {
   return context_ ? context_->validation_messages() : std::vector<std::string>();
 }
 
-Device cpu_device(unsigned threads) { return Device(std::make_shared<ThreadPool>(threads)); }
+Device cpu_device(unsigned threads) { return Internal::device(std::make_shared<ThreadPool>(threads)); }
 
 Result<std::vector<DeviceInfo>> enumerate_devices() {
   auto devices = guarded([]() -> Result<std::vector<DeviceInfo>> {
@@ -95,7 +96,7 @@ Result<Device> create_device(const DeviceOptions& options) {
                       .validate_synchronization = options.validation == Validation::synchronization,
                       .validate_on_gpu = options.validation == Validation::gpu_assisted,
                       .pipeline_cache = options.pipeline_cache});
-    return Device(std::make_shared<ThreadPool>(options.threads), std::move(context));
+    return Internal::device(std::make_shared<ThreadPool>(options.threads), std::move(context));
   });
 }
 

@@ -3,23 +3,29 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <optional>
 
 #include "api/doctor.hpp"
+#include "api/executor.hpp"
+#include "api/internal.hpp"
+#include "api/pack.hpp"
 #include "core/failure.hpp"
-#include "cpu/executor.hpp"
+#include "core/guarded.hpp"
 #include "model/build.hpp"
-#include "vk/executor.hpp"
 
 namespace bitr {
 namespace {
 
 // A tensor's numbers, tight. Inputs are rounded to float, so that every arithmetic reads the same ones.
 struct Values {
-  std::vector<float> inputs;
-  std::vector<double> outputs;
+  std::vector<double> numbers;
   std::vector<std::uint32_t> indices;
 };
+
+Values read(const graph::Executor& executor, graph::TensorId id) {
+  if (executor.graph().tensors[id].kind == graph::ElementKind::index)
+    return {{}, executor.read<std::uint32_t>(id)};
+  return {executor.read<double>(id), {}};
+}
 
 // One node of a graph as a graph.
 struct Alone {
@@ -43,68 +49,23 @@ Alone alone(const graph::Graph& whole, const graph::Node& node) {
   return one;
 }
 
-std::size_t numbers_of(const graph::TensorInfo& info, const graph::BatchLayout& layout) {
-  return layout.rows(info.rows) * static_cast<std::size_t>(info.per_row) *
-         static_cast<std::size_t>(info.width);
-}
-
-template <class T>
-std::vector<Values> run_on_cpu(const Alone& one, const graph::BatchLayout& layout,
-                               const std::vector<Values>& inputs, ThreadPool& pool) {
-  cpu::Executor<T> executor(one.graph, true);
-  executor.prepare(layout);
+std::vector<Values> run_on(const Device& device, Precision precision, const Alone& one,
+                           const graph::BatchLayout& layout, const std::vector<Values>& inputs,
+                           bool& guards_hold) {
+  const auto executor =
+      make_executor(device, one.graph, layout, {.precision = precision, .retain = true, .guard_bytes = 256});
+  executor->prepare(layout);
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     const graph::TensorId id = one.node().inputs[i];
-    std::copy(inputs[i].indices.begin(), inputs[i].indices.end(), executor.template data<std::uint32_t>(id));
-    std::copy(inputs[i].inputs.begin(), inputs[i].inputs.end(), executor.data(id));
+    if (one.index(id))
+      executor->write(id, inputs[i].indices);
+    else
+      executor->write(id, inputs[i].numbers);
   }
-  executor.run(pool);
+  executor->run();
   std::vector<Values> outputs;
-  for (const graph::TensorId id : one.node().outputs) {
-    const std::size_t count = numbers_of(one.graph.tensors[id], layout);
-    Values& values = outputs.emplace_back();
-    if (one.index(id)) {
-      const auto* data = executor.template data<std::uint32_t>(id);
-      values.indices.assign(data, data + count);
-    } else {
-      values.outputs.assign(executor.data(id), executor.data(id) + count);
-    }
-  }
-  return outputs;
-}
-
-std::vector<Values> run_on_vulkan(const Device& device, const Alone& one, const graph::BatchLayout& layout,
-                                  const std::vector<Values>& inputs, bool& guards_hold) {
-  constexpr std::size_t guard_bytes = 256;
-  vk::Executor executor(device.context(), one.graph,
-                        {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points},
-                        {.retain = true, .guard_bytes = guard_bytes});
-  executor.prepare(layout);
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    const graph::TensorId id = one.node().inputs[i];
-    float* to = executor.input(id);
-    if (one.index(id)) {
-      std::copy(inputs[i].indices.begin(), inputs[i].indices.end(), reinterpret_cast<std::uint32_t*>(to));
-      continue;
-    }
-    const auto width = static_cast<std::size_t>(one.graph.tensors[id].width);
-    const std::size_t stride = vk::padded(one.graph.tensors[id].width);
-    const std::vector<float>& numbers = inputs[i].inputs;
-    std::fill_n(to, numbers.size() / width * stride, 0.0F);
-    for (std::size_t j = 0; j < numbers.size(); ++j) to[j / width * stride + j % width] = numbers[j];
-  }
-  executor.run();
-  std::vector<Values> outputs;
-  for (const graph::TensorId id : one.node().outputs) {
-    Values& values = outputs.emplace_back();
-    if (one.index(id)) {
-      values.indices = executor.indices(id);
-    } else {
-      const auto numbers = executor.real(id);
-      values.outputs.assign(numbers.begin(), numbers.end());
-    }
-  }
-  guards_hold = executor.guards_hold();
+  for (const graph::TensorId id : one.node().outputs) outputs.push_back(read(*executor, id));
+  guards_hold = guards_hold && executor->guards_hold();
   return outputs;
 }
 
@@ -127,24 +88,19 @@ double share_that_differs(const std::vector<std::uint32_t>& a, const std::vector
 
 class Operations {
  public:
-  Operations(const Device& device, const graph::Graph& graph, const std::vector<RandomPair>& pairs,
-             int key_points)
-      : device_(device), truth_(graph, true) {
-    std::vector<std::uint32_t> sizes;
-    for (const auto side : {&RandomPair::source, &RandomPair::reference})
-      for (const RandomPair& pair : pairs) sizes.push_back(static_cast<std::uint32_t>((pair.*side).size()));
-    layout_ = {sizes, static_cast<std::uint32_t>(key_points)};
-    truth_.prepare(layout_);
-    double* to = truth_.data(graph.positions);
-    for (const auto side : {&RandomPair::source, &RandomPair::reference})
-      for (const RandomPair& pair : pairs)
-        for (const Vec3d& p : pair.*side) to = std::copy(p.begin(), p.end(), to);
-    truth_.run(device_.pool());
+  Operations(const Device& device, const Device& cpu, const graph::Graph& graph, const PackedBatch& batch)
+      : device_(device),
+        cpu_(cpu),
+        layout_(batch.layout),
+        truth_(make_executor(cpu, graph, layout_, {.precision = Precision::f64, .retain = true})) {
+    truth_->prepare(layout_);
+    fill_inputs(batch, *truth_);
+    truth_->run();
   }
 
   void check(std::vector<Check>& checks) {
     std::size_t broken_guards = 0;
-    for (const graph::Node& node : truth_.graph().nodes) {
+    for (const graph::Node& node : truth_->graph().nodes) {
       Check check{"operation " + node.name, 0, ops::float_error(node.op), ""};
       try {
         measure(node, check, broken_guards);
@@ -154,25 +110,24 @@ class Operations {
       }
       checks.push_back(std::move(check));
     }
-    if (device_.backend() == Backend::vulkan)
-      checks.push_back(
-          {"operations that wrote outside their outputs", static_cast<double>(broken_guards), 0, ""});
+    checks.push_back(
+        {"operations that wrote outside their outputs", static_cast<double>(broken_guards), 0, ""});
   }
 
  private:
   void measure(const graph::Node& node, Check& check, std::size_t& broken_guards) {
-    const Alone one = alone(truth_.graph(), node);
+    const Alone one = alone(truth_->graph(), node);
     std::vector<Values> inputs;
     for (const graph::TensorId id : node.inputs) inputs.push_back(input(id));
     const bool vulkan = device_.backend() == Backend::vulkan;
     bool guards_hold = true;
-    const auto single = run_on_cpu<float>(one, layout_, inputs, device_.pool());
-    const auto exact = run_on_cpu<double>(one, layout_, inputs, device_.pool());
-    const auto found = vulkan ? run_on_vulkan(device_, one, layout_, inputs, guards_hold) : single;
+    const auto single = run_on(cpu_, Precision::f32, one, layout_, inputs, guards_hold);
+    const auto exact = run_on(cpu_, Precision::f64, one, layout_, inputs, guards_hold);
+    const auto found = vulkan ? run_on(device_, Precision::f32, one, layout_, inputs, guards_hold) : single;
     broken_guards += !guards_hold;
     for (std::size_t i = 0; i < exact.size(); ++i) {
       if (!one.index(one.node().outputs[i])) {
-        check.measured = std::max(check.measured, difference(found[i].outputs, exact[i].outputs));
+        check.measured = std::max(check.measured, difference(found[i].numbers, exact[i].numbers));
         continue;
       }
       // A GPU must choose as the CPU does in float; that may part from double where two are near-tied.
@@ -185,36 +140,30 @@ class Operations {
   }
 
   Values input(graph::TensorId id) const {
-    const graph::TensorInfo& info = truth_.graph().tensors[id];
-    const std::size_t count = numbers_of(info, layout_);
-    Values values;
-    if (info.kind == graph::ElementKind::index) {
-      const auto* data = truth_.data<std::uint32_t>(id);
-      values.indices.assign(data, data + count);
-    } else {
-      const double* data = truth_.data(id);
-      values.inputs.resize(count);
-      std::transform(data, data + count, values.inputs.begin(),
-                     [](double x) { return static_cast<float>(x); });
-    }
+    Values values = read(*truth_, id);
+    for (double& x : values.numbers) x = static_cast<float>(x);
     return values;
   }
 
-  const Device& device_;
-  graph::BatchLayout layout_;
-  cpu::Executor<double> truth_;
+  const Device &device_, &cpu_;
+  const graph::BatchLayout layout_;
+  const std::unique_ptr<graph::Executor> truth_;
 };
 
 }  // namespace
 
 void check_operations(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
                       std::vector<Check>& checks) {
+  std::vector<CloudPair> clouds;
+  for (const RandomPair& pair : pairs) clouds.push_back(pair.view());
+  const PackedBatch batch = value_or_throw(pack(model.config(), Precision::f64, shape_of(clouds), clouds));
+  const Device cpu = Internal::cpu_of(device);
   // The modes have the same operations, with other norms.
   std::vector<Check> worst;
   for (const Mode mode : {Mode::scale_exact, Mode::reference}) {
-    const graph::Graph graph = model::fold(model::build_graph(model.weights(), mode));
+    const graph::Graph graph = model::fold(model::build_graph(Internal::weights(model), mode));
     std::vector<Check> found;
-    Operations(device, graph, pairs, model.config().num_key_points).check(found);
+    Operations(device, cpu, graph, batch).check(found);
     if (worst.empty()) worst = found;
     for (std::size_t i = 0; i < worst.size(); ++i)
       if (worst[i].passed() && !(found[i].passed() && found[i].measured <= worst[i].measured))

@@ -1,12 +1,10 @@
 // One operation on either backend, fed from and read into the caller's memory.
 #pragma once
 
-#include <bitr/device.hpp>
-#include <memory>
 #include <span>
 #include <variant>
 
-#include "graph/graph.hpp"
+#include "api/executor.hpp"
 
 namespace bitr {
 
@@ -19,14 +17,16 @@ using Room = std::variant<std::span<T>, std::span<std::uint32_t>>;
 template <class T>
 class KernelRunner {
  public:
-  virtual ~KernelRunner() = default;
+  /// For a graph of one node. Failure (`unsupported`) for double on a Vulkan device.
+  KernelRunner(const Device& device, graph::Graph graph);
   /// `inputs`: of the graph's first tensors, in their order. `result` becomes the graph's.
-  virtual void run(const graph::BatchLayout& layout, std::span<const Numbers<T>> inputs, Room<T> result) = 0;
-  virtual std::size_t workspace_bytes() const = 0;
-};
+  void run(const graph::BatchLayout& layout, std::span<const Numbers<T>> inputs, Room<T> result);
+  std::size_t workspace_bytes() const { return executor_ ? executor_->workspace_bytes() : 0; }
 
-/// For a graph of one node. Throws Failure (`unsupported`) for double on a Vulkan device.
-template <class T>
-std::unique_ptr<KernelRunner<T>> make_kernel_runner(const Device& device, graph::Graph graph);
+ private:
+  Device device_;
+  graph::Graph graph_;                         // until there is an executor
+  std::unique_ptr<graph::Executor> executor_;  // from the first run on, which says how much it has to hold
+};
 
 }  // namespace bitr

@@ -83,7 +83,7 @@ graph::TensorId add_index(graph::Graph& graph, Rows rows, int k) {
 
 graph::Graph finished(graph::Graph graph, ops::Op op, std::vector<graph::TensorId> inputs,
                       graph::TensorId result) {
-  graph.result = result;
+  graph.outputs.set(graph::Output::result, result);
   graph.append(graph.tensors[result].name, std::move(op), std::move(inputs), {result});
   return graph;
 }
@@ -99,14 +99,14 @@ graph::BatchLayout layout_of(std::size_t points, std::size_t rows) {
 template <class T, class Shape>
 struct Kept : KeptKernel::Impl {
   Shape shape;
-  std::vector<std::unique_ptr<KernelRunner<T>>> runners;  // one per graph
+  std::vector<KernelRunner<T>> runners;  // one per graph
 
   Kept(const Device& where, const Shape& what, std::vector<graph::Graph> graphs) : Impl(where), shape(what) {
-    for (graph::Graph& graph : graphs) runners.push_back(make_kernel_runner<T>(device, std::move(graph)));
+    for (graph::Graph& graph : graphs) runners.emplace_back(device, std::move(graph));
   }
   std::size_t workspace_bytes() const override {
     std::size_t bytes = 0;
-    for (const auto& runner : runners) bytes += runner->workspace_bytes();
+    for (const auto& runner : runners) bytes += runner.workspace_bytes();
     return bytes;
   }
 };
@@ -200,7 +200,7 @@ void search(Kept<T, KnnShape>& kept, const Segments<T>* queries, const Segments<
   if (index.empty()) return;
   std::vector<Numbers<T>> inputs = {references.points};
   if (queries) inputs.emplace_back(queries->points);
-  kept.runners[queries ? 1 : 0]->run(layout, inputs, index);
+  kept.runners[queries ? 1 : 0].run(layout, inputs, index);
 }
 
 // ---- Clebsch–Gordan products
@@ -253,7 +253,7 @@ void multiply(Kept<T, CgProductShape>& kept, const CgProductInput<T>& input, std
   if (out.empty()) return;
   std::vector<Numbers<T>> inputs = {input.a, input.b};
   if (k) inputs.emplace_back(input.index);
-  kept.runners.front()->run(layout_of(rows, results), inputs, out);
+  kept.runners.front().run(layout_of(rows, results), inputs, out);
 }
 
 // ---- Attention
@@ -289,7 +289,7 @@ void attend(Kept<T, AttentionShape>& kept, const AttentionInput<T>& input, std::
   check_index(input.index, rows);
   if (out.empty()) return;
   const std::vector<Numbers<T>> inputs = {input.queries, input.keys, input.values, input.index};
-  kept.runners.front()->run(layout_of(rows, queries), inputs, out);
+  kept.runners.front().run(layout_of(rows, queries), inputs, out);
 }
 
 template <class Kernel, class T, class Shape>

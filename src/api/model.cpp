@@ -2,6 +2,7 @@
 #include <bitr/model.hpp>
 #include <charconv>
 
+#include "api/internal.hpp"
 #include "core/guarded.hpp"
 #include "io/safetensors.hpp"
 #include "io/torch_checkpoint.hpp"
@@ -17,7 +18,7 @@ Result<Model> make_model(const Result<TensorMap>& map, const ModelOptions& optio
   auto weights = model::weights_from_tensors(*map, options);
   if (!weights) return tl::unexpected(weights.error());
   weights->name = std::move(name);
-  return Model(std::make_shared<const model::Weights>(std::move(*weights)));
+  return Internal::model(std::make_shared<const model::Weights>(std::move(*weights)));
 }
 
 template <class Parse>
@@ -71,12 +72,13 @@ Result<Model> load_torch_checkpoint(const std::filesystem::path& path, const Mod
 Result<Model> untrained_model(const ModelConfig& config, std::uint64_t seed, Mode mode) {
   if (auto ok = validate(config); !ok) return tl::unexpected(ok.error());
   return guarded([&]() -> Result<Model> {
-    return Model(std::make_shared<const model::Weights>(model::initial_weights(config, seed, mode)));
+    return Internal::model(
+        std::make_shared<const model::Weights>(model::initial_weights(config, seed, mode)));
   });
 }
 
 std::vector<std::byte> serialize(const Model& model, WeightPrecision precision) {
-  return io::serialize_safetensors(model::tensors_from_weights(model.weights(), precision));
+  return io::serialize_safetensors(model::tensors_from_weights(Internal::weights(model), precision));
 }
 
 }  // namespace bitr

@@ -149,4 +149,20 @@ Result<PackedBatch> pack(const ModelConfig& config, Precision precision, const B
   return batch;
 }
 
+std::optional<InputRows> input_rows(const PackedBatch& batch, std::size_t cloud, graph::Input role) {
+  switch (role) {
+    case graph::Input::positions:
+      return InputRows{batch.clouds[cloud]->positions, batch.centroids[cloud]};
+    case graph::Input::normals:
+      return InputRows{batch.clouds[cloud]->normals};
+    case graph::Input::colors:
+      return InputRows{batch.clouds[cloud]->colors};
+    case graph::Input::offsets:
+      return InputRows{Vec3View(batch.offsets[cloud])};
+    case graph::Input::truth:
+      break;
+  }
+  return std::nullopt;
+}
+
 }  // namespace bitr

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <bitr/assemble.hpp>
+#include <optional>
 #include <span>
 
-#include "graph/graph.hpp"
+#include "graph/executor.hpp"
 
 namespace bitr {
 
@@ -40,20 +41,25 @@ void copy_rows(const Vec3View& rows, std::span<const std::uint32_t> order, const
   }
 }
 
-/// Writes every attribute of every cloud that the graph reads. `data(id)` is where a tensor begins, in rows
-/// of `stride` numbers, those past the third 0.
-template <class Data>
-void fill_inputs(const PackedBatch& batch, const graph::Graph& graph, std::size_t stride, Data data) {
-  for (std::size_t c = 0; c < batch.clouds.size(); ++c) {
-    const CloudView& cloud = *batch.clouds[c];
-    const auto fill = [&](graph::TensorId id, const Vec3View& rows, const Vec3d& shift) {
-      if (id != graph::no_tensor)
-        copy_rows(rows, batch.order[c], shift, stride, data(id) + stride * batch.layout.cloud_offset[c]);
-    };
-    fill(graph.positions, cloud.positions, batch.centroids[c]);
-    fill(graph.normals, cloud.normals, {});
-    fill(graph.colors, cloud.colors, {});
-    if (graph.offsets != graph::no_tensor) fill(graph.offsets, Vec3View(batch.offsets[c]), {});
+/// A cloud's rows for one of the graph's inputs, to be written minus `shift`.
+struct InputRows {
+  Vec3View rows;
+  Vec3d shift = {};
+};
+
+/// nullopt for an input that clouds do not have.
+std::optional<InputRows> input_rows(const PackedBatch& batch, std::size_t cloud, graph::Input role);
+
+/// Writes every input that clouds have into an executor prepared for the batch.
+inline void fill_inputs(const PackedBatch& batch, graph::Executor& executor) {
+  for (const auto& [role, id] : executor.graph().inputs) {
+    const graph::TensorView to = executor.input(id);
+    for (std::size_t c = 0; c < batch.clouds.size(); ++c)
+      if (const auto from = input_rows(batch, c, role))
+        to.visit([&](auto* rows) {
+          copy_rows(from->rows, batch.order[c], from->shift, to.stride,
+                    rows + to.stride * batch.layout.cloud_offset[c]);
+        });
   }
 }
 

@@ -3,8 +3,8 @@
 
 #include <chrono>
 
+#include "api/executor.hpp"
 #include "api/pack.hpp"
-#include "api/runner.hpp"
 #include "core/thread_pool.hpp"
 
 namespace bitr {
@@ -28,7 +28,7 @@ struct Plan::Impl {
   BatchShape capacity;
   PlanOptions options;
   Mode mode;
-  std::unique_ptr<Runner> runner;
+  std::unique_ptr<graph::Executor> executor;
   std::vector<StageTime> timings = {};
   std::vector<StageTime> profile = {};
   std::vector<StageTime> passes = {};  ///< whole ones, by the host's clock

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
 
@@ -26,7 +27,7 @@ Result<void> prewarm_checked(Plan& plan) {
   const PointCloud source = tiny_cloud(least, 0.1), reference = tiny_cloud(least, 0.7);
   const CloudPair pair{source, reference};
   const auto done = assemble(plan, {&pair, 1}, {.diagnostics = false});
-  plan.impl().begin();
+  Internal::impl(plan).begin();
   if (!done) return tl::unexpected(done.error());
   return {};
 }

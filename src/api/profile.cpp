@@ -1,6 +1,7 @@
 // A plan's last assemble() as a trace that browsers draw.
 #include <nlohmann/json.hpp>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 
 namespace bitr {
@@ -25,7 +26,7 @@ Json label(const char* what, const std::string& name, int row) {
 }  // namespace
 
 std::string chrome_trace(const Plan& plan) {
-  const Plan::Impl& impl = plan.impl();
+  const Plan::Impl& impl = Internal::impl(plan);
   Json events = Json::array();
   events.push_back(label("process_name", plan.device().name(), pass_row));
   events.push_back(label("thread_name", "forward passes", pass_row));

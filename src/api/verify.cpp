@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <set>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
 
@@ -30,39 +30,46 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
   const auto batch = pack(impl.model.config(), impl.options.precision, impl.capacity, {&pair, 1});
   if (!batch) return tl::unexpected(batch.error());
   const PlanOptions truth_options{.precision = Precision::f64, .mode = impl.mode, .as_defined = true};
-  const auto made =
-      make_runner(impl.device, impl.model, {1, batch->layout.rows(graph::Rows::point)}, impl.options, true);
-  const auto made_truth = make_runner(cpu_device(1), impl.model, {}, truth_options, true);
-  if (!made) return tl::unexpected(made.error());
-  if (!made_truth) return tl::unexpected(made_truth.error());
-  Runner *tested = made->get(), *truth = made_truth->get();
-  tested->run(*batch, impl.device.pool());
-  truth->run(*batch, impl.device.pool());
+  const auto tested =
+      make_executor(impl.device, impl.model, {1, batch->layout.rows(graph::Rows::point)}, impl.options, true);
+  const Device cpu = Internal::cpu_of(impl.device);
+  const auto truth = make_executor(cpu, impl.model, {}, truth_options, true);
+  if (!tested) return tl::unexpected(tested.error());
+  if (!truth) return tl::unexpected(truth.error());
+  for (graph::Executor* executor : {tested->get(), truth->get()}) {
+    executor->prepare(batch->layout);
+    fill_inputs(*batch, *executor);
+    executor->run();
+  }
 
   const bool single =
       impl.options.precision == Precision::f32 || (impl.mode == Mode::reference && !impl.options.as_defined);
   std::vector<StageDifference> differences;
-  const graph::Graph& graph = tested->graph();
+  const graph::Graph &graph = (*tested)->graph(), &truth_graph = (*truth)->graph();
   const auto& tensors = graph.tensors;
   // The pose is compared by its parts below.
-  const std::set<graph::TensorId> given = {graph.positions, graph.normals, graph.colors, graph.pose};
+  const auto skipped = [&](graph::TensorId id) {
+    return graph.inputs.holds(id) || id == graph.output(graph::Output::pose);
+  };
   for (std::size_t i = 0; i < tensors.size(); ++i) {
     const auto id = static_cast<graph::TensorId>(i);
-    const graph::TensorId other = truth->graph().find(tensors[i].name);
-    if (other == graph::no_tensor || given.count(id)) continue;
+    const graph::TensorId other = truth_graph.find(tensors[i].name);
+    if (other == graph::no_tensor || skipped(id)) continue;
     if (tensors[i].kind == graph::ElementKind::index) {
       // Neighbours: the share of the list that differs.
-      const auto a = tested->indices(id), b = truth->indices(other);
+      const auto a = (*tested)->read<std::uint32_t>(id), b = (*truth)->read<std::uint32_t>(other);
       std::size_t wrong = 0;
       for (std::size_t e = 0; e < a.size(); ++e) wrong += a[e] != b[e];
       differences.push_back(
           {tensors[i].name, static_cast<double>(wrong) / static_cast<double>(a.size()), single ? 1e-2 : 0});
     } else {
-      differences.push_back(compare(tensors[i].name, tested->tensor(id), truth->tensor(other),
+      differences.push_back(compare(tensors[i].name, (*tested)->read<double>(id),
+                                    (*truth)->read<double>(other),
                                     single ? stage_bound_f32 : stage_bound_f64));
     }
   }
-  const auto pose = tested->tensor(tested->graph().pose), expected = truth->tensor(truth->graph().pose);
+  const auto pose = (*tested)->read<double>(graph::Output::pose),
+             expected = (*truth)->read<double>(graph::Output::pose);
   const auto part = [](const std::vector<double>& row, int from, int to) {
     return std::vector<double>(row.begin() + from, row.begin() + to);
   };
@@ -76,7 +83,7 @@ Result<std::vector<StageDifference>> verify_checked(Plan::Impl& impl, const Clou
 }  // namespace
 
 Result<std::vector<StageDifference>> verify(Plan& plan, const CloudPair& pair) {
-  return guarded([&] { return verify_checked(plan.impl(), pair); });
+  return guarded([&] { return verify_checked(Internal::impl(plan), pair); });
 }
 
 }  // namespace bitr

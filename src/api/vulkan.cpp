@@ -1,6 +1,7 @@
 #include <bitr/vulkan.hpp>
 #include <numeric>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/guarded.hpp"
 #include "vk/executor.hpp"
@@ -23,7 +24,7 @@ Range slice(const BufferSlice& buffer, std::size_t numbers) {
 }
 
 Result<void> record_checked(VkCommandBuffer commands, Plan::Impl& plan, const Bindings& bindings) {
-  Executor* executor = plan.runner->vulkan();
+  auto* executor = dynamic_cast<Executor*>(plan.executor.get());
   if (!executor) return fail(ErrorCode::invalid_argument, "the plan is not on a Vulkan device");
   if (!commands) return fail(ErrorCode::invalid_argument, "no command buffer");
   if (!bindings.source_positions.buffer || !bindings.reference_positions.buffer || !bindings.poses.buffer)
@@ -79,12 +80,12 @@ Result<Device> adopt(const AdoptInfo& info) {
     auto context = std::make_shared<Context>(HostDevice{
         info.get_instance_proc_addr, info.instance, info.physical_device, info.device, info.queue,
         info.queue_family, info.pipeline_cache, info.allocation, info.lock_queue, info.unlock_queue});
-    return Device(std::make_shared<ThreadPool>(info.threads), std::move(context));
+    return Internal::device(std::make_shared<ThreadPool>(info.threads), std::move(context));
   });
 }
 
 Result<void> record(VkCommandBuffer commands, Plan& plan, const Bindings& bindings) {
-  return guarded([&] { return record_checked(commands, plan.impl(), bindings); });
+  return guarded([&] { return record_checked(commands, Internal::impl(plan), bindings); });
 }
 
 }  // namespace bitr::vk

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "confidence/ensemble.hpp"
 #include "core/centroid.hpp"
@@ -72,7 +73,7 @@ Result<std::vector<std::optional<NetworkEvidence>>> resample(Plan& plan, std::sp
       refuse(std::to_string(assemblies.size()) + " assemblies for " + std::to_string(pairs.size()) +
              " pairs");
     // What the plan tells of its last assemble() is the caller's.
-    Plan::Impl& impl = plan.impl();
+    Plan::Impl& impl = Internal::impl(plan);
     auto told = std::tie(impl.timings, impl.profile, impl.passes, impl.began);
     const std::tuple before = {impl.timings, impl.profile, impl.passes, impl.began};
     std::vector<Parted> parted;

@@ -5,6 +5,7 @@
 
 #include "cpu/pair_attention.hpp"
 #include "cpu/projected_relu_gradient.hpp"
+#include "cpu/sums_at_once.hpp"
 #include "ops/constants.hpp"
 
 namespace bitr::cpu {
@@ -262,9 +263,6 @@ class PairGradientRow : private PairRow<T, Width> {
   Edges torque_[2][3], d_length_[2];
 };
 
-// Pairs are shared out among at most this many tasks, whatever the number of threads.
-constexpr std::size_t most_tasks = 4;
-
 template <class T>
 class PairAttentionGradientKernel : public Kernel<T> {
  public:
@@ -288,31 +286,36 @@ class PairAttentionGradientKernel : public Kernel<T> {
     T *d_features = clear(slots.grad_input(0)), *d_positions = clear(slots.grad_input(2));
     const T* d_out = slots.grad_output(0)->template as<T>();
     const std::size_t k = edges.per_row, out_stride = slots.out(0).stride();
+    const auto differentiate_pair = [&](std::size_t pair, std::vector<T>& constants) {
+      constants.assign(places_.count, T{0});
+      const RowGradients<T> to{d_features, d_positions, constants.data()};
+      PairGradientRow<T, Width> node(constants_, places_, edges.per_row);
+      const auto begin = [&](std::size_t i) {
+        return args.layout.begin(graph::Rows::pair_key, static_cast<std::uint32_t>(i));
+      };
+      for (std::size_t row = begin(pair); row < begin(pair + 1); ++row)
+        node.evaluate(features.as<T>(), edges.as<std::uint32_t>() + row * k, slots.in(2).template as<T>(),
+                      row, d_out + row * out_stride, to);
+    };
 
-    const std::size_t pairs = args.layout.pairs(), tasks = std::min(pairs, most_tasks);
-    std::vector<std::vector<T>> constants(tasks);
-    args.pool.parallel_for(tasks, 1, [&](std::size_t first, std::size_t last) {
-      for (std::size_t task = first; task < last; ++task) {
-        constants[task].assign(places_.count, T{0});
-        const RowGradients<T> to{d_features, d_positions, constants[task].data()};
-        PairGradientRow<T, Width> node(constants_, places_, edges.per_row);
-        const auto row_of = [&](std::size_t i) {
-          return args.layout.begin(graph::Rows::pair_key, static_cast<std::uint32_t>(i * pairs / tasks));
-        };
-        for (std::size_t row = row_of(task); row < row_of(task + 1); ++row)
-          node.evaluate(features.as<T>(), edges.as<std::uint32_t>() + row * k, slots.in(2).template as<T>(),
-                        row, d_out + row * out_stride, to);
-      }
-    });
-    const Slot* sum = slots.constants();
-    if (!sum) return;
-    args.pool.parallel_for(places_.count, 4096, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        double total = 0;
-        for (const auto& part : constants) total += static_cast<double>(part[i]);
-        sum->template as<T>()[i] = static_cast<T>(total);
-      }
-    });
+    // Every pair has a sum of its own, and these are added in the pairs' order: how many are made side by side
+    // changes no bit.
+    const std::size_t pairs = args.layout.pairs();
+    std::vector<std::vector<T>> sums(sums_at_once(pairs, args.pool.threads(), places_.count * sizeof(T)));
+    std::vector<double> totals(slots.constants() ? places_.count : 0);
+    for (std::size_t first = 0; first < pairs; first += sums.size()) {
+      const std::size_t count = std::min(sums.size(), pairs - first);
+      args.pool.parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) differentiate_pair(first + i, sums[i]);
+      });
+      args.pool.parallel_for(totals.size(), 4096, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t s = 0; s < count; ++s)
+          for (std::size_t i = begin; i < end; ++i) totals[i] += static_cast<double>(sums[s][i]);
+      });
+    }
+    if (const Slot* to = slots.constants())
+      std::transform(totals.begin(), totals.end(), to->template as<T>(),
+                     [](double x) { return static_cast<T>(x); });
   }
 
   const ops::Gradient<ops::PairAttention> op_;

@@ -12,7 +12,7 @@ struct Differentiated {
   std::vector<TensorId> constants;
 };
 
-/// Appends what makes the gradient of the graph's loss (`graph.loss`, made by an ops::Loss node) with respect
+/// Appends what makes the gradient of the graph's loss (its Output::loss, made by an ops::Loss node) with respect
 /// to every operation's constants. The graph's inputs have no gradient; neighbour lists count as constant.
 /// The constants' gradients stay readable after a run; `graph` must be executable (check_executable).
 Differentiated differentiate(Graph graph);

@@ -25,10 +25,13 @@ void Graph::append(std::string name, ops::Op op, std::vector<TensorId> reads, st
   nodes.emplace_back(std::move(name), std::move(op), std::move(reads), std::move(makes));
 }
 
-std::vector<TensorId> Graph::outputs() const {
+TensorId Graph::add_input(Input role, TensorInfo info) { return inputs.set(role, add(std::move(info))); }
+
+TensorId Graph::add_output(Output role, TensorInfo info) { return outputs.set(role, add(std::move(info))); }
+
+std::vector<TensorId> Graph::readable() const {
   std::vector<TensorId> all = saved;
-  for (TensorId id : {key_points, pose, result, loss})
-    if (id != no_tensor) all.push_back(id);
+  for (const auto& [role, id] : outputs) all.push_back(id);
   return all;
 }
 
@@ -39,11 +42,8 @@ TensorId Graph::find(const std::string& name) const {
 }
 
 std::string check_executable(const Graph& graph) {
-  std::set<TensorId> made = {graph.positions};
-  if (graph.normals != no_tensor) made.insert(graph.normals);
-  if (graph.colors != no_tensor) made.insert(graph.colors);
-  if (graph.offsets != no_tensor) made.insert(graph.offsets);
-  if (graph.truth != no_tensor) made.insert(graph.truth);
+  std::set<TensorId> made;
+  for (const auto& [role, id] : graph.inputs) made.insert(id);
   for (const Node& node : graph.nodes) {
     if (std::holds_alternative<ops::AttentionLayer>(node.op))
       return node.name + " is still a composite layer";
@@ -52,7 +52,7 @@ std::string check_executable(const Graph& graph) {
     for (TensorId out : node.outputs)
       if (!made.insert(out).second) return node.name + " makes " + graph.tensors[out].name + " again";
   }
-  for (TensorId out : graph.outputs())
+  for (TensorId out : graph.readable())
     if (!made.count(out)) return "an output of the graph is never made";
   return "";
 }

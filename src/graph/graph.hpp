@@ -6,13 +6,11 @@
 #include <vector>
 
 #include "graph/batch_layout.hpp"
+#include "graph/ports.hpp"
 #include "irreps/fiber.hpp"
 #include "ops/op.hpp"
 
 namespace bitr::graph {
-
-using TensorId = int;
-constexpr TensorId no_tensor = -1;
 
 enum class ElementKind : std::uint8_t { real, index };
 
@@ -43,21 +41,19 @@ struct Node {
 struct Graph {
   std::vector<TensorInfo> tensors;
   std::vector<Node> nodes;
-  // Filled by the caller before a run. Normals, colours and offsets (from the cloud's centroid,
-  // over the root mean square of their lengths) only exist if the model reads them.
-  TensorId positions = no_tensor, normals = no_tensor, colors = no_tensor, offsets = no_tensor;
-  // Read by the caller after it.
-  TensorId key_points = no_tensor, pose = no_tensor;
-  TensorId result = no_tensor;  ///< what a graph that is not the network's makes
-  // In a training graph: the true poses (ops/loss.hpp), filled by the caller; the loss.
-  TensorId truth = no_tensor, loss = no_tensor;
-  std::vector<TensorId> saved = {};  ///< others that are read after a run
+  Ports<Input> inputs;
+  Ports<Output> outputs;
+  std::vector<TensorId> saved = {};  ///< tensors without a role that are read after a run, too
 
   TensorId add(TensorInfo info);
   TensorId add(std::string name, Rows rows, const irreps::Fiber& fiber, int per_row = 1);
   void append(std::string name, ops::Op op, std::vector<TensorId> reads, std::vector<TensorId> makes);
-  /// Those that a run leaves readable.
-  std::vector<TensorId> outputs() const;
+  TensorId input(Input role) const { return inputs[role]; }
+  TensorId output(Output role) const { return outputs[role]; }
+  TensorId add_input(Input role, TensorInfo info);
+  TensorId add_output(Output role, TensorInfo info);
+  /// Tensors that a run leaves readable.
+  std::vector<TensorId> readable() const;
   /// no_tensor when there is none of that name.
   TensorId find(const std::string& name) const;
 };

@@ -21,7 +21,7 @@ std::vector<Lifetime> lifetimes(const Graph& graph, bool retain) {
     for (TensorId id : graph.nodes[i].inputs) lives[id].last = std::max(lives[id].last, i);
     for (TensorId id : graph.nodes[i].outputs) lives[id] = {i, i};
   }
-  for (TensorId id : graph.outputs()) lives[id].last = end;
+  for (TensorId id : graph.readable()) lives[id].last = end;
   if (retain)
     for (Lifetime& life : lives) life.last = end;
   return lives;

@@ -6,6 +6,8 @@ namespace bitr::model {
 namespace {
 
 using graph::Graph;
+using graph::Input;
+using graph::Output;
 using graph::Rows;
 using graph::TensorId;
 using irreps::Degree;
@@ -21,26 +23,26 @@ class Builder {
   Graph build() {
     const ModelConfig& config = weights_.config;
     const Architecture net = architecture(config);
-    graph_.positions = graph_.add({.name = "positions", .width = 3, .fiber = {}});
+    positions_ = input(Input::positions, "positions");
     const TensorId index =
-        knn("graph.index", graph_.positions, graph_.positions, Rows::point,
+        knn("graph.index", positions_, positions_, Rows::point,
             {.k = config.k_neighbor, .dilation = config.neighbor_dilation, .dim = 3, .exclude_self = true});
 
     TensorId feature = input_features(net.input);
     for (std::size_t i = 0; i < net.extractor.size(); ++i) {
-      feature = layer(net.extractor[i], feature, index, graph_.positions, graph_.positions);
+      feature = layer(net.extractor[i], feature, index, positions_, positions_);
       if (i < net.extractor_relu.size()) feature = relu(net.extractor_relu[i], feature, Rows::point);
     }
     choose_key_points(net, feature, index);
-    const TensorId near = knn("key.index", graph_.key_points, graph_.positions, Rows::key,
+    const TensorId near = knn("key.index", key_points_, positions_, Rows::key,
                               {.k = config.key_mean_num, .dim = 3, .exclude_self = false});
-    const TensorId key_feature = layer(net.extract, feature, near, graph_.key_points, graph_.positions);
+    const TensorId key_feature = layer(net.extract, feature, near, key_points_, positions_);
 
     const ops::MergePairs merge{config.feature_num_channels};
     const TensorId positions =
         graph_.add({.name = "bi.pos", .rows = Rows::pair_key, .width = 6, .fiber = {}});
     TensorId pair_feature = graph_.add("merge", Rows::pair_key, merge.merged());
-    graph_.append("merge", merge, {graph_.key_points, key_feature}, {positions, pair_feature});
+    graph_.append("merge", merge, {key_points_, key_feature}, {positions, pair_feature});
     const TensorId pair_index = knn("bi.index", positions, positions, Rows::pair_key,
                                     {.k = config.re_convert_k, .dim = 6, .exclude_self = true});
     for (std::size_t i = 0; i < net.pair_network.size(); ++i) {
@@ -54,6 +56,10 @@ class Builder {
  private:
   const Eigen::MatrixXd& parameter(const std::string& name) const { return weights_.parameters.at(name); }
 
+  TensorId input(Input role, const char* name) {
+    return graph_.add_input(role, {.name = name, .width = 3, .fiber = {}});
+  }
+
   TensorId knn(const char* name, TensorId queries, TensorId references, Rows rows, ops::Knn op) {
     const TensorId index = graph_.add(
         {.name = name, .rows = rows, .per_row = op.k, .kind = graph::ElementKind::index, .fiber = {}});
@@ -63,11 +69,9 @@ class Builder {
 
   TensorId input_features(const ops::InputFeatures& op) {
     std::vector<TensorId> inputs;
-    if (op.colors) inputs.push_back(graph_.colors = graph_.add({.name = "colors", .width = 3, .fiber = {}}));
-    if (op.normals)
-      inputs.push_back(graph_.normals = graph_.add({.name = "normals", .width = 3, .fiber = {}}));
-    if (op.offsets)
-      inputs.push_back(graph_.offsets = graph_.add({.name = "offsets", .width = 3, .fiber = {}}));
+    if (op.colors) inputs.push_back(input(Input::colors, "colors"));
+    if (op.normals) inputs.push_back(input(Input::normals, "normals"));
+    if (op.offsets) inputs.push_back(input(Input::offsets, "offsets"));
     const TensorId feature = graph_.add("input", Rows::point, op.fiber());
     graph_.append("input", op, inputs, {feature});
     return feature;
@@ -147,7 +151,7 @@ class Builder {
 
   void choose_key_points(const Architecture& net, TensorId feature, TensorId index) {
     const ModelConfig& config = weights_.config;
-    const TensorId pool = layer(net.pool, feature, index, graph_.positions, graph_.positions);
+    const TensorId pool = layer(net.pool, feature, index, positions_, positions_);
     const TensorId prob = graph_.add({.name = "key.pool_prob", .fiber = {}});
     graph_.append("key.pool_prob", ops::CloudSoftmax{1}, {pool}, {prob});
     const TensorId means = graph_.add("key.pooled_feature", Rows::cloud, net.pool.in);
@@ -161,13 +165,13 @@ class Builder {
     const TensorId extended = graph_.add("key.regress_in", Rows::point, net.regress.in);
     graph_.append("key.regress_in", ops::ExtendFeatures{net.pool.in, config.key_global_merge_coe},
                   {feature, means, globals}, {extended});
-    const TensorId logit = layer(net.regress, extended, index, graph_.positions, graph_.positions);
+    const TensorId logit = layer(net.regress, extended, index, positions_, positions_);
     const TensorId weight =
         graph_.add({.name = "key.pos_weight", .width = config.num_key_points, .fiber = {}});
     graph_.append("key.pos_weight", ops::CloudSoftmax{config.num_key_points}, {logit}, {weight});
-    graph_.key_points = graph_.add({.name = "key.points", .rows = Rows::key, .width = 3, .fiber = {}});
-    graph_.append("key.points", ops::CloudSum{config.num_key_points, 0}, {weight, graph_.positions},
-                  {graph_.key_points});
+    key_points_ = graph_.add_output(Output::key_points,
+                                    {.name = "key.points", .rows = Rows::key, .width = 3, .fiber = {}});
+    graph_.append("key.points", ops::CloudSum{config.num_key_points, 0}, {weight, positions_}, {key_points_});
   }
 
   void head(const Fiber& fiber, TensorId positions, TensorId feature) {
@@ -184,13 +188,15 @@ class Builder {
     const TensorId pieces =
         graph_.add({.name = "head.pieces", .rows = Rows::pair, .width = ops::piece_count, .fiber = {}});
     graph_.append("head", std::move(op), {positions, feature}, {normed, logits, weights, pieces});
-    graph_.pose = graph_.add({.name = "out.pose", .rows = Rows::pair, .width = ops::pose_width, .fiber = {}});
-    graph_.append("pose", ops::ProjectPose{}, {pieces}, {graph_.pose});
+    const TensorId pose = graph_.add_output(
+        Output::pose, {.name = "out.pose", .rows = Rows::pair, .width = ops::pose_width, .fiber = {}});
+    graph_.append("pose", ops::ProjectPose{}, {pieces}, {pose});
   }
 
   const Weights& weights_;
   const bool exact_;
   Graph graph_;
+  TensorId positions_ = graph::no_tensor, key_points_ = graph::no_tensor;
 };
 
 }  // namespace

@@ -11,9 +11,23 @@ namespace bitr::model {
 /// eps.
 graph::Graph build_graph(const Weights& weights, Mode mode);
 
+/// An attention layer's constants, part by part; `all` of them where a node stands for the whole layer.
+enum class LayerPart : std::uint8_t { all, values_keys, values, keys, query, project };
+
+/// What a node was made from.
+struct Origin {
+  std::vector<std::size_t> nodes;   ///< of the source graph: those whose work it does, or a part of it
+  LayerPart part = LayerPart::all;  ///< of the attention layer among them, if there is one
+};
+
+/// A graph made from another, and where its nodes came from.
+struct DerivedGraph : graph::Graph {
+  std::vector<Origin> origins;  ///< of the first nodes, those that came from the source
+};
+
 /// As defined: each attention layer becomes edge geometry, convolutions, linear maps and attention. Its
 /// tensors carry the stage names of the definition ("fe.g0.vk", "fe.g0.attn", …).
-graph::Graph expand(const graph::Graph& graph);
+DerivedGraph expand(const graph::Graph& graph);
 
 /// Folded: the same function in far less arithmetic.
 ///   one-sided layers (+ projected ReLU)   → point_attention; mean_direction when the input is one constant
@@ -22,6 +36,6 @@ graph::Graph expand(const graph::Graph& graph);
 ///   softmax and sums over clouds          → softmax_sum
 /// Exact but for the one-sided LayerNorms' eps, which is dropped for edges of positive length. Most of the
 /// work is the sector tables: `for_each` may share it out.
-graph::Graph fold(const graph::Graph& graph, const ForEach& for_each = one_by_one);
+DerivedGraph fold(const graph::Graph& graph, const ForEach& for_each = one_by_one);
 
 }  // namespace bitr::model

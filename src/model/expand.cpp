@@ -12,20 +12,27 @@ using graph::TensorId;
 
 class Expander {
  public:
-  explicit Expander(const Graph& source) : graph_(source) { graph_.nodes.clear(); }
+  explicit Expander(const Graph& source) : graph_{source, {}} { graph_.nodes.clear(); }
 
-  void add(const Node& node) {
+  void add(const Node& node, std::size_t i) {
+    from_ = i;
     if (const auto* layer = std::get_if<ops::AttentionLayer>(&node.op))
       expand(*layer, node);
     else
-      graph_.nodes.push_back(node);
+      append(node.name, node.op, node.inputs, node.outputs);
   }
-  Graph take() { return std::move(graph_); }
+  DerivedGraph take() { return std::move(graph_); }
 
  private:
   struct Geometry {
     TensorId lengths, directions;
   };
+
+  void append(std::string name, ops::Op op, std::vector<TensorId> inputs, std::vector<TensorId> outputs,
+              LayerPart part = LayerPart::all) {
+    graph_.append(std::move(name), std::move(op), std::move(inputs), std::move(outputs));
+    graph_.origins.push_back({{from_}, part});
+  }
 
   // Layers on the same neighbour lists share their edges' geometry.
   Geometry geometry(int sides, TensorId index, TensorId centres, TensorId neighbors) {
@@ -42,16 +49,16 @@ class Expander {
                          .fiber = {}});
     };
     const Geometry made{edges(".r", sides), edges(".direction", 3 * sides)};
-    graph_.append(name + ".geometry", ops::EdgeGeometry{sides}, {centres, neighbors, index},
-                  {made.lengths, made.directions});
+    append(name + ".geometry", ops::EdgeGeometry{sides}, {centres, neighbors, index},
+           {made.lengths, made.directions});
     return geometries_.emplace(index, made).first->second;
   }
 
   TensorId convolve(const ops::Convolve& op, const std::string& name, TensorId feature, TensorId index,
-                    const Geometry& edges) {
+                    const Geometry& edges, LayerPart part) {
     const auto [rows, k] = std::pair(graph_.tensors[index].rows, graph_.tensors[index].per_row);
     const TensorId out = graph_.add(name, rows, op.fiber_out, k);
-    graph_.append(name, op, {feature, index, edges.lengths, edges.directions}, {out});
+    append(name, op, {feature, index, edges.lengths, edges.directions}, {out}, part);
     return out;
   }
 
@@ -64,15 +71,16 @@ class Expander {
 
     TensorId values, keys;
     if (layer.scale_degree == 0) {
-      values = keys = convolve(layer.values_keys, name + ".vk", feature, index, edges);
+      values = keys =
+          convolve(layer.values_keys, name + ".vk", feature, index, edges, LayerPart::values_keys);
     } else {
-      values = convolve(layer.values, name + ".v", feature, index, edges);
-      keys = convolve(layer.keys, name + ".k", feature, index, edges);
+      values = convolve(layer.values, name + ".v", feature, index, edges, LayerPart::values);
+      keys = convolve(layer.keys, name + ".k", feature, index, edges, LayerPart::keys);
     }
     std::vector<TensorId> inputs = {values, keys};
     if (!layer.zero_centre) {
       const TensorId query = graph_.add(name + ".q", rows, layer.key_fiber);
-      graph_.append(name + ".q", layer.query, {feature}, {query});
+      append(name + ".q", layer.query, {feature}, {query}, LayerPart::query);
       inputs.push_back(query);
     }
     const auto per_head = [&](const char* suffix) {
@@ -85,10 +93,10 @@ class Expander {
     };
     const TensorId logits = per_head(".attn_logit"), weights = per_head(".attn");
     const TensorId mixed = graph_.add(name + ".attn_out", rows, layer.value_fiber);
-    graph_.append(name + ".attn",
-                  ops::Attend{layer.heads, layer.value_fiber, layer.key_fiber, graph_.tensors[values].fiber,
-                              graph_.tensors[keys].fiber},
-                  inputs, {logits, weights, mixed});
+    append(name + ".attn",
+           ops::Attend{layer.heads, layer.value_fiber, layer.key_fiber, graph_.tensors[values].fiber,
+                       graph_.tensors[keys].fiber},
+           inputs, {logits, weights, mixed});
 
     // A zero centre contributes nothing to the projection, so its columns are left out.
     ops::Linear project = layer.project;
@@ -101,18 +109,19 @@ class Expander {
     } else if (layer.scale_degree == 0) {
       parts.push_back(feature);
     }
-    graph_.append(name + ".project", std::move(project), parts, node.outputs);
+    append(name + ".project", std::move(project), parts, node.outputs, LayerPart::project);
   }
 
-  Graph graph_;
+  DerivedGraph graph_;
+  std::size_t from_ = 0;  // the node that is being added
   std::map<TensorId, Geometry> geometries_;
 };
 
 }  // namespace
 
-Graph expand(const Graph& source) {
+DerivedGraph expand(const Graph& source) {
   Expander expander(source);
-  for (const Node& node : source.nodes) expander.add(node);
+  for (std::size_t i = 0; i < source.nodes.size(); ++i) expander.add(source.nodes[i], i);
   return expander.take();
 }
 

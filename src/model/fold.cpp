@@ -16,7 +16,7 @@ using graph::TensorId;
 class Folder {
  public:
   Folder(const Graph& source, const ForEach& for_each)
-      : source_(source), for_each_(for_each), graph_(source) {
+      : source_(source), for_each_(for_each), graph_{source, {}} {
     graph_.nodes.clear();
     for (std::size_t i = 0; i < source.nodes.size(); ++i) {
       for (TensorId id : source.nodes[i].outputs) producer_[id] = i;
@@ -24,16 +24,16 @@ class Folder {
     }
   }
 
-  Graph fold() {
+  DerivedGraph fold() {
     for (std::size_t i = 0; i < source_.nodes.size(); ++i) {
       const Node& node = source_.nodes[i];
       if (merged_.count(i)) continue;
       if (const auto* layer = std::get_if<ops::AttentionLayer>(&node.op))
-        fold_layer(*layer, node);
+        fold_layer(*layer, i);
       else if (const auto* sum = std::get_if<ops::CloudSum>(&node.op))
         fold_sum(*sum, i);
       else
-        graph_.nodes.push_back(node);
+        add(node, {i});
     }
     remove_unused_nodes();
     remove_unused_tensors();
@@ -41,6 +41,12 @@ class Folder {
   }
 
  private:
+  // `from`: what it is made from.
+  void add(Node node, std::vector<std::size_t> from) {
+    graph_.nodes.push_back(std::move(node));
+    graph_.origins.push_back({std::move(from)});
+  }
+
   template <class Op>
   const Node* made_by(TensorId id) const {
     const auto it = producer_.find(id);
@@ -50,30 +56,34 @@ class Folder {
   }
 
   // The projected ReLU that alone reads this tensor, if there is one; it is then part of the layer.
-  const ops::ProjectedRelu* take_relu(TensorId& output) {
+  const ops::ProjectedRelu* take_relu(TensorId& output, std::vector<std::size_t>& from) {
     const auto& readers = consumers_[output];
     if (readers.size() != 1) return nullptr;
     const Node& next = source_.nodes[readers.front()];
     const auto* relu = std::get_if<ops::ProjectedRelu>(&next.op);
     if (!relu) return nullptr;
     merged_.insert(readers.front());
+    from.push_back(readers.front());
     output = next.outputs.front();
     return relu;
   }
 
-  void fold_layer(const ops::AttentionLayer& layer, const Node& node) {
+  void fold_layer(const ops::AttentionLayer& layer, std::size_t i) {
+    const Node& node = source_.nodes[i];
     TensorId output = node.outputs.front();
-    const ops::ProjectedRelu* relu = take_relu(output);
+    std::vector<std::size_t> from = {i};
+    const ops::ProjectedRelu* relu = take_relu(output, from);
     const TensorId feature = node.inputs[0], index = node.inputs[1], centres = node.inputs[2],
                    neighbors = node.inputs[3];
     const std::string name = graph_.tensors[output].name;
     if (layer.sides == 2) {
-      graph_.append(name, pair_attention(layer, relu, for_each_), {feature, index, centres}, {output});
+      add({name, pair_attention(layer, relu, for_each_), {feature, index, centres}, {output}}, from);
       return;
     }
     const ops::PointAttention folded = point_attention(layer, relu);
     if (const Node* input = made_by<ops::InputFeatures>(feature); input && input->inputs.empty()) {
-      graph_.append(name, mean_direction(folded, ops::constant_feature), {centres, index}, {output});
+      from.push_back(producer_.at(feature));
+      add({name, mean_direction(folded, ops::constant_feature), {centres, index}, {output}}, from);
     } else if (const Node* extend = made_by<ops::ExtendFeatures>(feature); extend && !relu) {
       const auto op = cloud_coefficients(folded, std::get<ops::ExtendFeatures>(extend->op));
       const TensorId coefficients = graph_.add({.name = name + ".coefficients",
@@ -81,10 +91,11 @@ class Folder {
                                                 .width = op.layer.coefficient_count(),
                                                 .kind = graph::ElementKind::real,
                                                 .fiber = {}});
-      graph_.append(name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients});
-      graph_.append(name, op.layer, {extend->inputs[0], index, centres, neighbors, coefficients}, {output});
+      from.push_back(producer_.at(feature));
+      add({name + ".coefficients", op, {extend->inputs[1], extend->inputs[2]}, {coefficients}}, from);
+      add({name, op.layer, {extend->inputs[0], index, centres, neighbors, coefficients}, {output}}, from);
     } else {
-      graph_.append(name, folded, {feature, index, centres, neighbors}, {output});
+      add({name, folded, {feature, index, centres, neighbors}, {output}}, from);
     }
   }
 
@@ -92,10 +103,7 @@ class Folder {
   void fold_sum(const ops::CloudSum& sum, std::size_t i) {
     const Node& node = source_.nodes[i];
     const Node* softmax = made_by<ops::CloudSoftmax>(node.inputs[0]);
-    if (!softmax) {
-      graph_.nodes.push_back(node);
-      return;
-    }
+    if (!softmax) return add(node, {i});
     const auto& readers = consumers_[node.inputs[0]];
     if (readers.back() != i) return;
     Node folded{softmax->name, {}, {softmax->inputs[0]}, {}};
@@ -107,32 +115,39 @@ class Folder {
       folded.outputs.push_back(part.outputs[0]);
     }
     folded.op = op;
-    graph_.nodes.push_back(std::move(folded));
+    std::vector<std::size_t> from = {producer_.at(node.inputs[0])};
+    from.insert(from.end(), readers.begin(), readers.end());
+    add(std::move(folded), std::move(from));
   }
 
   void remove_unused_nodes() {
-    std::set<TensorId> needed = {graph_.key_points, graph_.pose};
-    std::vector<Node> kept;
-    for (auto node = graph_.nodes.rbegin(); node != graph_.nodes.rend(); ++node) {
-      if (std::none_of(node->outputs.begin(), node->outputs.end(),
+    std::set<TensorId> needed;
+    for (const TensorId id : graph_.readable()) needed.insert(id);
+    std::vector<Node> nodes;
+    std::vector<Origin> origins;
+    for (std::size_t i = graph_.nodes.size(); i-- > 0;) {
+      Node& node = graph_.nodes[i];
+      if (std::none_of(node.outputs.begin(), node.outputs.end(),
                        [&](TensorId id) { return needed.count(id); }))
         continue;
-      needed.insert(node->inputs.begin(), node->inputs.end());
-      kept.push_back(std::move(*node));
+      needed.insert(node.inputs.begin(), node.inputs.end());
+      nodes.push_back(std::move(node));
+      origins.push_back(std::move(graph_.origins[i]));
     }
-    std::reverse(kept.begin(), kept.end());
-    graph_.nodes = std::move(kept);
+    std::reverse(nodes.begin(), nodes.end());
+    std::reverse(origins.begin(), origins.end());
+    graph_.nodes = std::move(nodes);
+    graph_.origins = std::move(origins);
   }
 
   void remove_unused_tensors() {
-    std::set<TensorId> used = {graph_.positions};
-    for (TensorId id : {graph_.normals, graph_.colors})
-      if (id != graph::no_tensor) used.insert(id);
+    std::set<TensorId> used;
+    for (const auto& [role, id] : graph_.inputs) used.insert(id);
     for (const Node& node : graph_.nodes) {
       used.insert(node.inputs.begin(), node.inputs.end());
       used.insert(node.outputs.begin(), node.outputs.end());
     }
-    std::map<TensorId, TensorId> renumbered = {{graph::no_tensor, graph::no_tensor}};
+    std::map<TensorId, TensorId> renumbered;
     std::vector<graph::TensorInfo> tensors;
     for (TensorId id : used) {
       renumbered[id] = static_cast<TensorId>(tensors.size());
@@ -140,17 +155,18 @@ class Folder {
     }
     graph_.tensors = std::move(tensors);
     for (Node& node : graph_.nodes) {
-      for (TensorId& id : node.inputs) id = renumbered[id];
-      for (TensorId& id : node.outputs) id = renumbered[id];
+      for (TensorId& id : node.inputs) id = renumbered.at(id);
+      for (TensorId& id : node.outputs) id = renumbered.at(id);
     }
-    for (TensorId* id :
-         {&graph_.positions, &graph_.normals, &graph_.colors, &graph_.key_points, &graph_.pose})
-      *id = renumbered[*id];
+    const auto to = [&](TensorId id) { return renumbered.at(id); };
+    graph_.inputs.renumber(to);
+    graph_.outputs.renumber(to);
+    for (TensorId& id : graph_.saved) id = to(id);
   }
 
   const Graph& source_;
   const ForEach& for_each_;
-  Graph graph_;
+  DerivedGraph graph_;
   std::map<TensorId, std::size_t> producer_;
   std::map<TensorId, std::vector<std::size_t>> consumers_;
   std::set<std::size_t> merged_;
@@ -158,6 +174,6 @@ class Folder {
 
 }  // namespace
 
-Graph fold(const Graph& graph, const ForEach& for_each) { return Folder(graph, for_each).fold(); }
+DerivedGraph fold(const Graph& graph, const ForEach& for_each) { return Folder(graph, for_each).fold(); }
 
 }  // namespace bitr::model

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "api/internal.hpp"
 #include "core/finite.hpp"
 #include "core/guarded.hpp"
 #include "refine/icp.hpp"
@@ -300,14 +301,14 @@ std::size_t refine_together(const Device& device, std::span<const CloudPair> pai
     if (end > begin && points > most_together) break;
   }
   std::vector<std::unique_ptr<Refiner>> refiners(end - begin);
-  device.pool().parallel_for(refiners.size(), 1, [&](std::size_t first, std::size_t last) {
+  Internal::pool(device).parallel_for(refiners.size(), 1, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i)
       refiners[i] =
           std::make_unique<Refiner>(pairs[begin + i], starts[begin + i], options, Extent::all, Workers{});
   });
   std::vector<Stepper*> steppers;
   for (const auto& refiner : refiners) steppers.push_back(refiner.get());
-  drive(steppers, *device.context(), device.pool());
+  drive(steppers, *Internal::context(device), Internal::pool(device));
   for (std::size_t i = 0; i < refiners.size(); ++i) results[begin + i] = refiners[i]->result();
   return end;
 }
@@ -337,10 +338,10 @@ Result<std::vector<Refinement>> refine_poses(const Device& device, std::span<con
     const auto refine_here = [&](std::size_t i, const Workers& workers) {
       results[i] = refined_here(pairs[i], starts[i], options, Extent::all, workers);
     };
-    if (device.context()) {
+    if (Internal::context(device)) {
       for (std::size_t begin = 0; begin < pairs.size();)
         if (points_of_pair(pairs[begin]) > most_on_device)
-          refine_here(begin++, {&device.pool()});
+          refine_here(begin++, {&Internal::pool(device)});
         else
           begin = refine_together(device, pairs, starts, options, begin, results);
       return results;
@@ -354,12 +355,12 @@ Result<double> refinement_score(const Device& device, const CloudPair& pair, con
   return guarded([&]() -> Result<double> {
     require_surfaces({&pair, 1});
     if (!is_finite(T_reference_source)) refuse("the pose is not finite");
-    const Workers workers{&device.pool()};
-    if (!device.context() || points_of_pair(pair) > most_on_device)
+    const Workers workers{&Internal::pool(device)};
+    if (!Internal::context(device) || points_of_pair(pair) > most_on_device)
       return refined_here(pair, T_reference_source, {}, Extent::score, workers).score_before;
     Refiner refiner(pair, T_reference_source, {}, Extent::score, workers);
     Stepper* stepper = &refiner;
-    drive({&stepper, 1}, *device.context(), device.pool());
+    drive({&stepper, 1}, *Internal::context(device), Internal::pool(device));
     return refiner.result().score_before;
   });
 }

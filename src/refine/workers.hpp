@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 
+#include "api/internal.hpp"
 #include "core/thread_pool.hpp"
 
 namespace bitr::refine {
@@ -25,14 +26,14 @@ struct Workers {
 template <class Body>
 void for_each_pair(const Device& device, std::size_t pairs, const Body& body) {
   const bool alone = pairs < device.threads();
-  const Workers workers{alone ? &device.pool() : nullptr};
+  const Workers workers{alone ? &Internal::pool(device) : nullptr};
   const auto run = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) body(i, workers);
   };
   if (alone)
     run(0, pairs);
   else
-    device.pool().parallel_for(pairs, 1, run);
+    Internal::pool(device).parallel_for(pairs, 1, run);
 }
 
 }  // namespace bitr::refine

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
 #include "data_sets/part.hpp"
@@ -163,7 +164,7 @@ class Run {
                                {"translation", group.errors.translation.median}};
       weights.metadata["bitr.validation"] = medians.dump();
     }
-    return bitr::serialize(Model(std::make_shared<const model::Weights>(std::move(weights))));
+    return bitr::serialize(Internal::model(std::make_shared<const model::Weights>(std::move(weights))));
   }
 
   std::optional<ValidationResult> validate_if_due() {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
@@ -64,7 +65,7 @@ std::string unusable(const DataSample& sample, std::size_t least) {
 
 model::Weights starting_weights(const TrainOptions& options) {
   if (options.init.empty()) return fresh_weights(options, options.model, options.mode);
-  model::Weights weights = value_or_throw(find_model(options.init.string())).weights();
+  model::Weights weights = Internal::weights(value_or_throw(find_model(options.init.string())));
   weights.metadata.clear();
   ModelConfig config = weights.config;
   const auto widen = [](int wider, int& channels) {

@@ -7,14 +7,19 @@ namespace bitr::train {
 namespace {
 
 using graph::Graph;
+using graph::Input;
+using graph::Output;
 using graph::Rows;
 using graph::TensorId;
 
 void append_loss(Graph& graph, ops::LossKind kind) {
-  graph.truth = graph.add({.name = "truth", .rows = Rows::pair, .width = ops::truth_width, .fiber = {}});
-  graph.loss = graph.add({.name = "loss", .rows = Rows::pair, .width = ops::loss_terms, .fiber = {}});
-  const TensorId from = kind == ops::LossKind::official ? graph.pose : graph.find("head.pieces");
-  graph.append("loss", ops::Loss{kind}, {from, graph.truth, graph.key_points}, {graph.loss});
+  const TensorId truth = graph.add_input(
+      Input::truth, {.name = "truth", .rows = Rows::pair, .width = ops::truth_width, .fiber = {}});
+  const TensorId loss = graph.add_output(
+      Output::loss, {.name = "loss", .rows = Rows::pair, .width = ops::loss_terms, .fiber = {}});
+  const TensorId from =
+      kind == ops::LossKind::official ? graph.output(Output::pose) : graph.find("head.pieces");
+  graph.append("loss", ops::Loss{kind}, {from, truth, graph.output(Output::key_points)}, {loss});
 }
 
 }  // namespace

@@ -3,14 +3,14 @@
 
 #include "core/for_each.hpp"
 #include "graph/differentiate.hpp"
-#include "model/weights.hpp"
+#include "model/build.hpp"
 #include "ops/loss.hpp"
 
 namespace bitr::train {
 
 struct TrainingGraph {
   graph::Graph whole;            ///< build_graph(weights)
-  graph::Graph made;             ///< `whole`, folded or expanded, and the loss
+  model::DerivedGraph made;      ///< `whole`, folded or expanded, and the loss
   graph::Differentiated result;  ///< `made` and its gradient
 };
 

@@ -4,6 +4,7 @@
 #include <bitr/assemble.hpp>
 #include <cstdio>
 
+#include "api/internal.hpp"
 #include "api/plan.hpp"
 #include "core/failure.hpp"
 #include "core/guarded.hpp"
@@ -59,7 +60,8 @@ ValidationResult Validator::run(const model::Weights& weights, std::size_t step)
         capacity.points, shape_of(std::span(pairs).subspan(i, std::min(batch_, pairs.size() - i))).points);
   constexpr std::string_view context = "validation: ";
   Plan plan = value_or_throw(
-      make_plan(device_, Model(std::make_shared<const model::Weights>(weights)), capacity), context);
+      make_plan(device_, Internal::model(std::make_shared<const model::Weights>(weights)), capacity),
+      context);
   std::vector<Assembly> assemblies;
   for (std::size_t i = 0; i < pairs.size(); i += batch_)
     for (Assembly& assembly :

@@ -30,6 +30,25 @@ graph::BatchLayout gathered(graph::BatchLayout layout) {
   return layout;
 }
 
+// The least layout that holds both, as the executor understands layouts: by their totals. `growth`: room for
+// that many times the points of `layout`.
+graph::BatchLayout joined(const graph::BatchLayout& largest, const graph::BatchLayout& layout,
+                          double growth) {
+  const std::size_t clouds = std::max(largest.clouds(), layout.clouds());
+  const auto points = static_cast<std::size_t>(growth * static_cast<double>(layout.rows(Rows::point)));
+  const auto offsets = [&](std::size_t total) {
+    std::vector<std::uint32_t> all(clouds + 1, static_cast<std::uint32_t>(total));
+    all.front() = 0;
+    return all;
+  };
+  graph::BatchLayout both;
+  both.cloud_offset = offsets(std::max(largest.rows(Rows::point), points));
+  both.key_points = layout.key_points;
+  if (!layout.key_offset.empty() || !largest.key_offset.empty())
+    both.key_offset = offsets(std::max(largest.rows(Rows::key), layout.rows(Rows::key)));
+  return both;
+}
+
 // For every node, the one that is its gradient or that it is the gradient of; −1: none.
 std::vector<int> gradients(const graph::Graph& graph) {
   std::vector<int> partner(graph.nodes.size(), -1), made_by(graph.tensors.size(), -1);
@@ -114,6 +133,17 @@ void Executor::load(graph::Graph graph) {
   add_memory(differentiated);
 }
 
+// Without what add_memory() added.
+graph::Graph Executor::own_graph() const {
+  graph::Graph graph = graph_;
+  graph.tensors.resize(own_tensors_);
+  for (std::size_t n = 0; n < graph.nodes.size(); ++n) {
+    graph.nodes[n].inputs.resize(memory_[n].inputs);
+    graph.nodes[n].outputs.resize(memory_[n].outputs);
+  }
+  return graph;
+}
+
 TensorId Executor::add_tensor(const std::string& name) {
   return graph_.add({.name = name, .rows = Rows::pair, .fiber = {}});
 }
@@ -168,7 +198,7 @@ void Executor::find_inputs() {
   }
   for (TensorId id : read)
     if (!made.count(id)) inputs_.push_back(id);
-  outputs_ = graph_.outputs();
+  outputs_ = graph_.readable();
 }
 
 std::vector<std::size_t> Executor::tensor_bytes(const graph::BatchLayout& layout) const {
@@ -261,17 +291,42 @@ std::size_t Executor::workspace_bytes() const {
          staging_.size() + readback_.size();
 }
 
+bool Executor::holds(const graph::BatchLayout& layout) const {
+  return layout.clouds() <= largest_.clouds() && layout.rows(Rows::point) <= largest_.rows(Rows::point) &&
+         layout.rows(Rows::key) <= largest_.rows(Rows::key) && layout.key_points == largest_.key_points;
+}
+
 void Executor::check_capacity(const graph::BatchLayout& layout) const {
-  const std::size_t points = layout.rows(Rows::point), most = largest_.rows(Rows::point);
-  if (layout.clouds() > largest_.clouds() || points > most ||
-      layout.rows(Rows::key) > largest_.rows(Rows::key) || layout.key_points != largest_.key_points)
-    throw Failure(ErrorCode::invalid_argument,
-                  "the batch has " + std::to_string(layout.pairs()) + " pairs and " + std::to_string(points) +
-                      " points, the plan holds " + std::to_string(largest_.pairs()) + " and " +
-                      std::to_string(most));
+  if (holds(layout)) return;
+  throw Failure(ErrorCode::invalid_argument,
+                "the batch has " + std::to_string(layout.pairs()) + " pairs and " +
+                    std::to_string(layout.rows(Rows::point)) + " points, the plan holds " +
+                    std::to_string(largest_.pairs()) + " and " + std::to_string(largest_.rows(Rows::point)));
+}
+
+// Room for what it held and for `layout`.
+void Executor::grow(const graph::BatchLayout& layout) {
+  const bool staged = constant_staging_.size() > 0;
+  graph::Graph graph = own_graph();
+  largest_ = joined(largest_, layout, options_.growth);
+  prepared_ = recorded_ = false;
+  // Before the new ones are taken.
+  arena_ = {};
+  staging_ = {};
+  readback_ = {};
+  try {
+    load(std::move(graph));
+    allocate(1);
+    upload_constants();
+  } catch (...) {
+    largest_ = {};  // it holds nothing now
+    throw;
+  }
+  if (!staged) constant_staging_ = {};
 }
 
 void Executor::prepare(const graph::BatchLayout& layout) {
+  if (options_.growth > 0 && !holds(layout)) grow(layout);
   check_capacity(layout);
   if (prepared_ && layout == layout_) return;
   prepared_ = false;
@@ -373,9 +428,10 @@ void Executor::record(VkCommandBuffer commands, const graph::BatchLayout& layout
   host_schedule_.clear();
   add_tables(host_schedule_);
   import_positions(*context_, host_schedule_, layout_, host, tables_.point.offsets,
-                   slots_[graph_.positions].range, centroids_);
+                   slots_[graph_.input(graph::Input::positions)].range, centroids_);
   add_nodes(host_schedule_);
-  export_poses(*context_, host_schedule_, layout_, host, slots_[graph_.pose].range, centroids_);
+  export_poses(*context_, host_schedule_, layout_, host, slots_[graph_.output(graph::Output::pose)].range,
+               centroids_);
   host_recorder_.bind(host_schedule_);
   host_recorder_.restart();
   host_recorder_.barrier(commands);  // the command buffer may run again and again
@@ -413,9 +469,32 @@ void Executor::record_all() {
   counters_.submissions = submissions_.size();
 }
 
-float* Executor::input(TensorId id) const {
+graph::TensorView Executor::view(TensorId id, std::byte* data) const {
+  using Number = graph::TensorView::Number;
+  const graph::TensorInfo& info = graph_.tensors[id];
+  const bool index = info.kind == graph::ElementKind::index;
+  const auto width = static_cast<std::size_t>(info.width);
+  return {data, index ? Number::u32 : Number::f32,
+          layout_.rows(info.rows) * static_cast<std::size_t>(info.per_row), width,
+          index ? width : padded(info.width)};
+}
+
+graph::TensorView Executor::input(TensorId id) const {
   const auto at = std::find(inputs_.begin(), inputs_.end(), id) - inputs_.begin();
-  return reinterpret_cast<float*>(staging_.data() + input_offset_.at(static_cast<std::size_t>(at)));
+  return view(id, staging_.data() + input_offset_.at(static_cast<std::size_t>(at)));
+}
+
+graph::TensorView Executor::output(TensorId id) const {
+  const Range& range = slots_[id].range;
+  if (const auto out = std::find(outputs_.begin(), outputs_.end(), id); out != outputs_.end()) {
+    std::size_t at = 0;
+    for (auto other = outputs_.begin(); other != out; ++other)
+      at += aligned(slots_[*other].range.size, context_->capabilities().alignment);
+    return view(id, readback_.data() + at);
+  }
+  fetched_ = Buffer(*context_, range.size, true);
+  commands_.copy(range, {fetched_.handle(), 0, range.size});
+  return view(id, fetched_.data());
 }
 
 void Executor::run() {
@@ -432,37 +511,6 @@ void Executor::run() {
   }
   // Shuffled work has no order of nodes to measure.
   if (!options_.shuffle) timestamps_.read(milliseconds_, starts_);
-}
-
-std::vector<std::byte> Executor::read(TensorId id) const {
-  const Range& range = slots_[id].range;
-  if (const auto out = std::find(outputs_.begin(), outputs_.end(), id); out != outputs_.end()) {
-    std::size_t at = 0;
-    for (auto other = outputs_.begin(); other != out; ++other)
-      at += aligned(slots_[*other].range.size, context_->capabilities().alignment);
-    return {readback_.data() + at, readback_.data() + at + range.size};
-  }
-  const Buffer host(*context_, range.size, true);
-  commands_.copy(range, {host.handle(), 0, range.size});
-  return {host.data(), host.data() + range.size};
-}
-
-std::vector<float> Executor::real(TensorId id) const {
-  const std::vector<std::byte> bytes = read(id);
-  const graph::TensorInfo& info = graph_.tensors[id];
-  const std::size_t stride = padded(info.width), width = static_cast<std::size_t>(info.width);
-  const std::size_t entries = bytes.size() / sizeof(float) / stride;
-  std::vector<float> numbers(entries * width);
-  for (std::size_t i = 0; i < entries; ++i)
-    std::memcpy(numbers.data() + i * width, bytes.data() + i * stride * sizeof(float), width * sizeof(float));
-  return numbers;
-}
-
-std::vector<std::uint32_t> Executor::indices(TensorId id) const {
-  const std::vector<std::byte> bytes = read(id);
-  std::vector<std::uint32_t> numbers(bytes.size() / sizeof(std::uint32_t));
-  std::memcpy(numbers.data(), bytes.data(), bytes.size());
-  return numbers;
 }
 
 bool Executor::guards_hold() const {

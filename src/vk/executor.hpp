@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "graph/executor.hpp"
 #include "graph/memory_plan.hpp"
 #include "vk/commands.hpp"
 #include "vk/host_buffers.hpp"
@@ -25,9 +26,11 @@ struct ExecutorOptions {
       {};                              ///< run in a random legal order (with `retain`, so that many are)
   double submission_cost = most_cost;  ///< a new submission begins beyond this
   std::size_t guard_bytes = 0;         ///< untouchable memory behind every tensor, for tests
+  /// What to do with a batch beyond the capacity: 0 refuses it, else memory grows to so many times its points.
+  double growth = 0;
 };
 
-class Executor {
+class Executor : public graph::Executor {
  public:
   /// `graph` holds operations that Vulkan runs. Allocates everything a batch within the capacity needs.
   Executor(std::shared_ptr<const Context> context, graph::Graph graph, const Capacity& capacity,
@@ -36,40 +39,33 @@ class Executor {
   /// The same for batches with as many clouds, points and key points as `largest` has.
   Executor(std::shared_ptr<const Context> context, graph::Graph graph, const graph::BatchLayout& largest,
            const ExecutorOptions& options = {});
-  Executor(const Executor&) = delete;
-  Executor& operator=(const Executor&) = delete;
 
-  /// Lays out a batch within the capacity; records only if it differs from the last one.
-  void prepare(const graph::BatchLayout& layout);
-  /// After prepare(), before run(): an input's rows, `padded(width)` numbers each (tight for index tensors).
-  float* input(graph::TensorId id) const;
+  /// Records only if the batch differs from the last one. Failure (`invalid_argument`) for one beyond the
+  /// capacity, if that may not grow.
+  void prepare(const graph::BatchLayout& layout) override;
   /// Submits and waits.
-  void run();
-  /// After run(): an output's rows, tight; with `retain` those of any tensor.
-  std::vector<float> real(graph::TensorId id) const;
-  std::vector<std::uint32_t> indices(graph::TensorId id) const;
-
-  /// Other constants for the same operations, as cpu::Executor has it: `graph` differs in nothing but them
-  /// and in how wide the tensors are that hold their gradients. They go to the device now. Before the next
-  /// prepare(), which records again only what they changed the shapes of.
-  void replace(graph::Graph graph);
+  void run() override;
+  /// The constants go to the device now; the next prepare() records again only what they changed the shapes
+  /// of.
+  void replace(graph::Graph graph) override;
 
   /// Records a whole pass over the host's buffers into the host's command buffer. The executor's memory is in
   /// use until that has run; a later record() or replace() makes it invalid. Throws Failure (`unsupported`)
   /// for a graph that reads more than positions.
   void record(VkCommandBuffer commands, const graph::BatchLayout& layout, const HostBuffers& host);
 
-  const graph::Graph& graph() const { return graph_; }
-  const graph::BatchLayout& layout() const { return layout_; }
+  const graph::Graph& graph() const override { return graph_; }
+  const graph::BatchLayout& layout() const override { return layout_; }
   const Context& context() const { return *context_; }
-  std::size_t workspace_bytes() const;
-  const Counters& counters() const { return counters_; }
-  /// Milliseconds per node of the last run; zeros where the device has no clock.
-  const std::vector<double>& node_milliseconds() const { return milliseconds_; }
-  /// Where each node begins, in milliseconds since the first one began.
-  const std::vector<double>& node_starts() const { return starts_; }
-  /// False if a kernel wrote behind a tensor.
-  bool guards_hold() const;
+  std::size_t workspace_bytes() const override;
+  Counters counters() const override { return counters_; }
+  const std::vector<double>& node_milliseconds() const override { return milliseconds_; }
+  const std::vector<double>& node_starts() const override { return starts_; }
+  bool guards_hold() const override;
+  /// In staging memory: rows of `padded(width)` numbers, tight for index tensors.
+  graph::TensorView input(graph::TensorId id) const override;
+  /// In readback memory; with `retain` any tensor, which is then fetched from the device.
+  graph::TensorView output(graph::TensorId id) const override;
   Slot slot(graph::TensorId id) const { return slots_[id]; }
 
  private:
@@ -84,11 +80,15 @@ class Executor {
     bool saves = false, makes_lists = false;
   };
   void load(graph::Graph graph);
+  graph::Graph own_graph() const;
   // `differentiated`: of every node, its gradient or what it is the gradient of; −1: none.
   void add_memory(const std::vector<int>& differentiated);
   graph::TensorId add_tensor(const std::string& name);
   void find_inputs();
+  bool holds(const graph::BatchLayout& layout) const;
   void check_capacity(const graph::BatchLayout& layout) const;
+  void grow(const graph::BatchLayout& layout);
+  graph::TensorView view(graph::TensorId id, std::byte* data) const;
   void lay_out(const graph::BatchLayout& layout);
   void allocate(double slack);
   bool fits() const;
@@ -101,7 +101,6 @@ class Executor {
   void add_tables(Schedule& schedule) const;
   void add_nodes(Schedule& schedule) const;
   void record_all();
-  std::vector<std::byte> read(graph::TensorId id) const;
 
   std::shared_ptr<const Context> context_;
   graph::Graph graph_;
@@ -129,6 +128,7 @@ class Executor {
   std::vector<Submission> submissions_;
   std::vector<double> milliseconds_, starts_;
   Timestamps timestamps_;
+  mutable Buffer fetched_;     // the tensor that output() was last asked for, if it is no output
   mutable Commands commands_;  // last: waits for the device before anything else goes
 };
 

@@ -10,6 +10,7 @@
 #include <tuple>
 #include <vector>
 
+#include "graph/counters.hpp"
 #include "vk/device.hpp"
 
 namespace bitr::vk {
@@ -45,9 +46,7 @@ enum class Barriers {
   after_all_work  ///< everywhere: the truth that `needed` is tested against
 };
 
-struct Counters {
-  std::size_t dispatches = 0, copies = 0, barriers = 0, submissions = 0;
-};
+using graph::Counters;
 
 class Schedule {
  public:

@@ -44,14 +44,14 @@ class EveryOp : public testing::TestWithParam<Case> {
   }
 
   void check(const graph::Graph& graph, bool on_vulkan) {
-    cpu::Executor<double> executor(graph, true);
+    cpu::Executor<double> executor(graph, pool_, {.retain = true});
     const int keys = GetParam().config.num_key_points;
-    batch_->run(executor, keys, pool_);
+    batch_->run(executor, keys);
     const graph::BatchLayout layout = batch_->layout(keys);
     for (const graph::Node& node : graph.nodes) {
       SCOPED_TRACE(node.name);
       std::vector<OpTensor> inputs, outputs;
-      for (const auto id : node.inputs) inputs.push_back(input(executor, layout, id));
+      for (const auto id : node.inputs) inputs.push_back(test::rounded(test::read(executor, id)));
       for (const auto id : node.outputs) outputs.push_back(OpTensor::like(graph.tensors[id]));
       const auto single = test::run_op<float>(node.op, layout, inputs, outputs, pool_);
       const auto exact = test::run_op<double>(node.op, layout, inputs, outputs, pool_);
@@ -71,23 +71,6 @@ class EveryOp : public testing::TestWithParam<Case> {
           compare(device[i].values, exact[i].values, node, graph.tensors[node.outputs[i]].name);
       }
     }
-  }
-
-  // Rounded to float first, so that both types read the same numbers. (Through memory: see
-  // support/op_run.hpp.)
-  static OpTensor input(const cpu::Executor<double>& executor, const graph::BatchLayout& layout,
-                        graph::TensorId id) {
-    const auto& info = executor.graph().tensors[id];
-    OpTensor tensor = OpTensor::like(info);
-    const std::size_t count = layout.rows(info.rows) * info.per_row * info.width;
-    if (tensor.index) {
-      const auto* data = executor.data<std::uint32_t>(id);
-      tensor.indices.assign(data, data + count);
-    } else {
-      const std::vector<float> rounded(executor.data(id), executor.data(id) + count);
-      tensor.values.assign(rounded.begin(), rounded.end());
-    }
-    return tensor;
   }
 
   void compare(const std::vector<double>& single, const std::vector<double>& exact, const graph::Node& node,

@@ -44,8 +44,8 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
 
   void compare(const graph::Graph& whole, const ModelConfig& config, const test::CloudBatch& batch,
                const Bounds& bounds) {
-    cpu::Executor<double> defined(model::expand(whole), true);
-    batch.run(defined, config.num_key_points, pool_);
+    cpu::Executor<double> defined(model::expand(whole), pool_, {.retain = true});
+    batch.run(defined, config.num_key_points);
     const graph::BatchLayout layout = batch.layout(config.num_key_points);
     const graph::Graph folded = model::fold(whole);
     std::map<std::string, OpTensor> made;  // what only the folded network has
@@ -54,7 +54,7 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
       std::vector<OpTensor> inputs, outputs;
       for (const auto id : node.inputs) {
         const auto own = made.find(folded.tensors[id].name);
-        inputs.push_back(own == made.end() ? read(defined, layout, folded.tensors[id].name) : own->second);
+        inputs.push_back(own == made.end() ? read(defined, folded.tensors[id].name) : own->second);
       }
       for (const auto id : node.outputs) outputs.push_back(OpTensor::like(folded.tensors[id]));
       const auto results = test::run_op<double>(node.op, layout, inputs, outputs, pool_);
@@ -64,9 +64,9 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
           made[name] = results[i];
           continue;
         }
-        const OpTensor truth = read(defined, layout, name);
+        const OpTensor truth = read(defined, name);
         ++compared;
-        if (name == "key.feat" && shortest(read(defined, layout, "key.r")) < bounds.least_length) continue;
+        if (name == "key.feat" && shortest(read(defined, "key.r")) < bounds.least_length) continue;
         if (truth.index) {
           EXPECT_EQ(results[i].indices, truth.indices) << name;
           continue;
@@ -83,17 +83,8 @@ class FoldEqualsDefinition : public testing::TestWithParam<int> {
     EXPECT_GE(compared, 12 + config.num_layers + config.feature_num_layers);
   }
 
-  static OpTensor read(const cpu::Executor<double>& executor, const graph::BatchLayout& layout,
-                       const std::string& name) {
-    const graph::TensorId id = executor.graph().find(name);
-    const auto& info = executor.graph().tensors.at(id);
-    OpTensor tensor = OpTensor::like(info);
-    const std::size_t count = layout.rows(info.rows) * info.per_row * info.width;
-    if (tensor.index)
-      tensor.indices.assign(executor.data<std::uint32_t>(id), executor.data<std::uint32_t>(id) + count);
-    else
-      tensor.values.assign(executor.data(id), executor.data(id) + count);
-    return tensor;
+  static OpTensor read(const graph::Executor& executor, const std::string& name) {
+    return test::read(executor, executor.graph().find(name));
   }
 
   static double shortest(const OpTensor& lengths) {

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "api/internal.hpp"
 #include "irreps/clebsch_gordan.hpp"
 #include "irreps/rotation.hpp"
 #include "ops/op.hpp"
@@ -30,7 +31,7 @@ struct Vulkan {
   using Number = float;
   static std::optional<Device> device() {
     if (!test::vulkan()) return std::nullopt;
-    return Device(std::make_shared<ThreadPool>(1), test::vulkan());
+    return Internal::device(std::make_shared<ThreadPool>(1), test::vulkan());
   }
 };
 

@@ -21,8 +21,7 @@ Case random_case(Random& random) {
     c.sizes.push_back(random.below(4) == 0 ? random.below(3) * 64 : random.below(100000));
     return c.graph.add({.name = std::to_string(c.sizes.size()), .fiber = {}});
   };
-  c.graph.positions = tensor();
-  std::vector<TensorId> made = {c.graph.positions};
+  std::vector<TensorId> made = {c.graph.inputs.set(Input::positions, tensor())};
   const std::uint64_t nodes = 1 + random.below(40);
   for (std::uint64_t n = 0; n < nodes; ++n) {
     std::vector<TensorId> in, out;
@@ -31,8 +30,8 @@ Case random_case(Random& random) {
     made.insert(made.end(), out.begin(), out.end());
     c.graph.append("node", ops::ProjectPose{}, in, out);
   }
-  c.graph.key_points = made[random.below(made.size())];
-  c.graph.pose = made.back();
+  c.graph.outputs.set(Output::key_points, made[random.below(made.size())]);
+  c.graph.outputs.set(Output::pose, made.back());
   return c;
 }
 
@@ -47,7 +46,7 @@ std::vector<bool> alive(const Case& c, TensorId id, bool retain) {
     if (has(nodes[n].outputs)) made = last = n;
     if (has(nodes[n].inputs)) last = n;
   }
-  const bool to_the_end = retain || id == c.graph.key_points || id == c.graph.pose;
+  const bool to_the_end = retain || c.graph.outputs.holds(id);
   std::vector<bool> steps(nodes.size() + 1, false);
   for (std::size_t n = made; n <= (to_the_end ? nodes.size() : last); ++n) steps[n] = true;
   return steps;
@@ -83,14 +82,13 @@ TEST(MemoryPlan, TensorsThatLiveTogetherNeverOverlap) {
 
 TEST(MemoryPlan, AChainNeedsTwoTensorsAtATime) {
   Graph graph;
-  graph.positions = graph.add({.name = "in", .fiber = {}});
-  TensorId last = graph.positions;
+  TensorId last = graph.add_input(Input::positions, {.name = "in", .fiber = {}});
   for (int i = 0; i < 20; ++i) {
     const TensorId next = graph.add({.name = std::to_string(i), .fiber = {}});
     graph.append("step", ops::ProjectPose{}, {last}, {next});
     last = next;
   }
-  graph.pose = last;
+  graph.outputs.set(Output::pose, last);
   const std::vector<std::size_t> sizes(21, 6400);
   EXPECT_EQ(plan_memory(graph, sizes, false).bytes, 2u * 6400);
   EXPECT_EQ(plan_memory(graph, sizes, true).bytes, 21u * 6400);

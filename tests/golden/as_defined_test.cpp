@@ -22,12 +22,12 @@ struct CaseRun {
   explicit CaseRun(int number)
       : golden(GoldenCase::load(number)),
         whole(model::build_graph(golden.weights, Mode::reference)),
-        executor(model::expand(whole), true) {
-    ThreadPool pool(2);
-    golden.run(executor, pool);
+        executor(model::expand(whole), pool, {.retain = true}) {
+    golden.run(executor);
   }
   const GoldenCase golden;
   const graph::Graph whole;
+  ThreadPool pool{2};
   cpu::Executor<double> executor;
 };
 
@@ -294,7 +294,7 @@ TEST_P(AsDefined, ReproducesTheSumsOfTheHead) {
 TEST_P(AsDefined, ReproducesThePoseAndTheHead) {
   const GoldenCase& golden = run().golden;
   cpu::Executor<double>& executor = run().executor;
-  const double* poses = executor.data(executor.graph().pose);
+  const double* poses = executor.data(executor.graph().output(graph::Output::pose));
   const double* pieces = executor.data(executor.graph().find("head.pieces"));
   const auto R = golden.values("out.R"), t = golden.values("out.t"), r = golden.values("out.r_vector");
   for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair) {

@@ -22,10 +22,11 @@ class Folded : public testing::TestWithParam<int> {
 TEST_P(Folded, EqualsTheDefinitionInScaleExactMode) {
   const GoldenCase golden = GoldenCase::load(GetParam());
   const graph::Graph graph = model::build_graph(golden.weights, Mode::scale_exact);
-  cpu::Executor<double> defined(model::expand(graph), true), folded(model::fold(graph), true);
+  cpu::Executor<double> defined(model::expand(graph), pool_, {.retain = true}),
+      folded(model::fold(graph), pool_, {.retain = true});
   ASSERT_EQ(graph::check_executable(folded.graph()), "");
-  golden.run(defined, pool_);
-  golden.run(folded, pool_);
+  golden.run(defined);
+  golden.run(folded);
   int compared = 0;
   for (std::size_t i = 0; i < folded.graph().tensors.size(); ++i) {
     const auto& info = folded.graph().tensors[i];
@@ -48,41 +49,25 @@ void expect_near(const GoldenCase& golden, const Pose& pose, const Pose& expecte
       << "case " << golden.number;
 }
 
-template <class T>
-void expect_official(const GoldenCase& golden, cpu::Executor<T>& executor) {
+void expect_official(const GoldenCase& golden, const graph::Executor& executor) {
+  const auto poses = executor.read<double>(graph::Output::pose);
   for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair)
-    expect_near(golden, test::pose_of(executor.data(executor.graph().pose) + 16 * pair),
-                test::golden_pose(golden, pair));
-}
-
-std::vector<float> run_on_vulkan(const GoldenCase& golden, const graph::Graph& graph) {
-  const graph::BatchLayout layout = golden.layout();
-  vk::Executor executor(test::vulkan(), graph,
-                        {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points});
-  executor.prepare(layout);
-  const auto fill = [&](graph::TensorId id, const std::vector<double>& rows) {
-    float* to = executor.input(id);
-    for (std::size_t i = 0; i < rows.size(); ++i) to[i / 3 * 4 + i % 3] = static_cast<float>(rows[i]);
-  };
-  fill(graph.positions, golden.both("points"));
-  if (graph.normals != graph::no_tensor) fill(graph.normals, golden.both("normals"));
-  executor.run();
-  return executor.real(graph.pose);
+    expect_near(golden, test::pose_of(poses.data() + 16 * pair), test::golden_pose(golden, pair));
 }
 
 TEST_P(Folded, FloatAgreesWithTheOfficialPose) {
   // At case 11's scale of 0.02 the LayerNorm eps that folding drops is visible.
   if (GetParam() == 11) GTEST_SKIP() << "the fold drops the one-sided LayerNorm eps, which case 11 shows";
   const GoldenCase golden = GoldenCase::load(GetParam());
-  cpu::Executor<float> executor(model::fold(model::build_graph(golden.weights, Mode::reference)), false);
-  golden.run(executor, pool_);
+  cpu::Executor<float> executor(model::fold(model::build_graph(golden.weights, Mode::reference)), pool_);
+  golden.run(executor);
   expect_official(golden, executor);
 }
 
 TEST_P(Folded, FloatAsDefinedAgreesWithTheOfficialPose) {
   const GoldenCase golden = GoldenCase::load(GetParam());
-  cpu::Executor<float> executor(model::expand(model::build_graph(golden.weights, Mode::reference)), false);
-  golden.run(executor, pool_);
+  cpu::Executor<float> executor(model::expand(model::build_graph(golden.weights, Mode::reference)), pool_);
+  golden.run(executor);
   expect_official(golden, executor);
 }
 
@@ -90,14 +75,18 @@ TEST_P(Folded, VulkanAgreesWithTheOfficialPose) {
   if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
   const GoldenCase golden = GoldenCase::load(GetParam());
   const graph::Graph graph = model::fold(model::build_graph(golden.weights, Mode::reference));
-  const std::vector<float> poses = run_on_vulkan(golden, graph);
-  cpu::Executor<double> folded(graph, false);
-  golden.run(folded, pool_);
+  const graph::BatchLayout layout = golden.layout();
+  vk::Executor executor(test::vulkan(), graph,
+                        {layout.pairs(), layout.rows(graph::Rows::point), layout.key_points});
+  golden.run(executor);
+  const auto poses = executor.read<float>(graph::Output::pose);
+  cpu::Executor<double> folded(graph, pool_);
+  golden.run(folded);
   for (std::size_t pair = 0; pair < golden.layout().pairs(); ++pair) {
     const Pose pose = test::pose_of(poses.data() + 16 * pair);
     // Case 11 shows what the fold drops, see above.
     if (GetParam() != 11) expect_near(golden, pose, test::golden_pose(golden, pair));
-    expect_near(golden, pose, test::pose_of(folded.data(graph.pose) + 16 * pair));
+    expect_near(golden, pose, test::pose_of(folded.data(graph.output(graph::Output::pose)) + 16 * pair));
   }
 }
 

@@ -30,19 +30,19 @@ TEST_P(OfficialGradient, IsReproduced) {
   const train::TrainingGraph training = train::training_graph(golden.weights, ops::LossKind::official, true);
   const graph::Graph& graph = training.result.graph;
 
-  cpu::Executor<double> executor(graph, false);
+  ThreadPool pool(2);
+  cpu::Executor<double> executor(graph, pool);
   const auto R = golden.values("in.R_gt"), t = golden.values("in.t_gt");
   golden.fill(executor);
   for (std::uint32_t pair = 0; pair < golden.layout().pairs(); ++pair) {
-    double* truth = executor.data(graph.truth) + pair * ops::truth_width;
+    double* truth = executor.data(graph.input(graph::Input::truth)) + pair * ops::truth_width;
     std::copy_n(R.begin() + 9 * pair, 9, truth);
     std::copy_n(t.begin() + 3 * pair, 3, truth + 9);
     std::ranges::copy(ops::no_symmetry, truth + ops::pose_numbers);
   }
-  ThreadPool pool(2);
-  executor.run(pool);
+  executor.run();
 
-  const auto* loss = executor.data(graph.loss);
+  const auto* loss = executor.data(graph.output(graph::Output::loss));
   double terms[ops::loss_terms] = {};
   for (std::uint32_t pair = 0; pair < golden.layout().pairs(); ++pair)
     for (double& term : terms) term += *loss++ / golden.layout().pairs();
@@ -54,7 +54,7 @@ TEST_P(OfficialGradient, IsReproduced) {
   std::vector<std::vector<double>> constants(training.made.nodes.size());
   for (std::size_t i = 0; i < constants.size(); ++i)
     if (const graph::TensorId id = training.result.constants[i]; id != graph::no_tensor)
-      constants[i].assign(executor.data(id), executor.data(id) + graph.tensors[id].width);
+      constants[i] = executor.read<double>(id);
   const auto gradients = model::parameter_gradients(golden.weights, training.whole, training.made, constants);
 
   std::size_t compared = 0;

@@ -101,32 +101,20 @@ class EveryGradient : public testing::TestWithParam<Case> {
 
  private:
   void run(const graph::Graph& graph) {
-    cpu::Executor<double> executor(graph, true);
+    cpu::Executor<double> executor(graph, pool_, {.retain = true});
     executor.prepare(layout_);
     for (std::uint32_t pair = 0; pair < layout_.pairs(); ++pair) {
-      double* truth = executor.data(graph.truth) + pair * ops::truth_width;
+      double* truth = executor.data(graph.input(graph::Input::truth)) + pair * ops::truth_width;
       const auto R = random_.rotation();
       for (int i = 0; i < ops::pose_numbers; ++i) truth[i] = i < 9 ? R[i] : random_.normal();
       test::any_symmetry(random_, pair, truth + ops::pose_numbers);
     }
     batch_->fill(executor);
-    executor.run(pool_);
+    executor.run();
     tensors_.clear();
-    for (std::size_t id = 0; id < graph.tensors.size(); ++id) {
-      const auto& info = graph.tensors[id];
-      OpTensor tensor = OpTensor::like(info);
-      const std::size_t count = layout_.rows(info.rows) * info.per_row * info.width;
-      if (tensor.index) {
-        const auto* data = executor.data<std::uint32_t>(static_cast<TensorId>(id));
-        tensor.indices.assign(data, data + count);
-      } else {
-        // Rounded, so that both types read the same numbers.
-        const std::vector<float> rounded(executor.data(static_cast<TensorId>(id)),
-                                         executor.data(static_cast<TensorId>(id)) + count);
-        tensor.values.assign(rounded.begin(), rounded.end());
-      }
-      tensors_.push_back(std::move(tensor));
-    }
+    // Rounded, so that both types read the same numbers.
+    for (std::size_t id = 0; id < graph.tensors.size(); ++id)
+      tensors_.push_back(test::rounded(test::read(executor, static_cast<TensorId>(id))));
   }
 
   template <class Operation>

@@ -39,7 +39,10 @@ void expect_consistent(const Graph& graph, const std::string& what) {
     for (const auto id : node.outputs) EXPECT_TRUE(in_range(id)) << what << ": " << node.name;
     EXPECT_FALSE(node.outputs.empty()) << what << ": " << node.name;
   }
-  EXPECT_TRUE(in_range(graph.positions) && in_range(graph.key_points) && in_range(graph.pose)) << what;
+  for (const auto& [role, id] : graph.inputs) EXPECT_TRUE(in_range(id)) << what;
+  for (const auto& [role, id] : graph.outputs) EXPECT_TRUE(in_range(id)) << what;
+  EXPECT_TRUE(graph.inputs.has(graph::Input::positions)) << what;
+  EXPECT_TRUE(graph.outputs.has(graph::Output::key_points) && graph.outputs.has(graph::Output::pose)) << what;
 }
 
 TEST(BuildGraph, HoldsWholeLayersThatCannotRunYet) {
@@ -107,7 +110,8 @@ TEST(Fold, TheOfficialNetworkIsUnderThirtyOperations) {
 TEST(Fold, NoTensorIsLeftUnread) {
   const auto weights = model::initial_weights({}, 0, Mode::scale_exact);
   const Graph graph = model::fold(model::build_graph(weights, Mode::scale_exact));
-  std::set<graph::TensorId> used = {graph.key_points, graph.pose};
+  std::set<graph::TensorId> used;
+  for (const auto& [role, id] : graph.outputs) used.insert(id);
   std::set<graph::TensorId> side_results;  // an operation's with another output that is read
   for (const auto& node : graph.nodes) {
     used.insert(node.inputs.begin(), node.inputs.end());
@@ -116,6 +120,38 @@ TEST(Fold, NoTensorIsLeftUnread) {
   for (std::size_t id = 0; id < graph.tensors.size(); ++id)
     EXPECT_TRUE(used.count(static_cast<int>(id)) || side_results.count(static_cast<int>(id)))
         << graph.tensors[id].name;
+}
+
+// Tensors that only the unfolded graph needs go, and those behind them get other numbers.
+TEST(Fold, PortsKeepTheirTensors) {
+  ModelConfig config;
+  config.return_normals = config.get_color = config.centroid_offset = true;
+  const auto weights = model::initial_weights(config, 0, Mode::scale_exact);
+  Graph source = model::build_graph(weights, Mode::scale_exact);
+  for (const auto role : {graph::Input::normals, graph::Input::colors, graph::Input::offsets}) {
+    const graph::TensorId old = source.input(role), last = source.add_input(role, source.tensors[old]);
+    source.tensors[old].name += " of old";
+    for (auto& node : source.nodes)
+      for (graph::TensorId& id : node.inputs)
+        if (id == old) id = last;
+  }
+  const Graph graph = model::fold(source);
+  EXPECT_EQ(graph::check_executable(graph), "");
+  EXPECT_LT(graph.tensors.size(), source.tensors.size());
+  const auto name = [&](graph::TensorId id) { return graph.tensors.at(id).name; };
+  EXPECT_EQ(name(graph.input(graph::Input::positions)), "positions");
+  EXPECT_EQ(name(graph.input(graph::Input::normals)), "normals");
+  EXPECT_EQ(name(graph.input(graph::Input::colors)), "colors");
+  EXPECT_EQ(name(graph.input(graph::Input::offsets)), "offsets");
+  EXPECT_EQ(graph.input(graph::Input::truth), graph::no_tensor);
+  EXPECT_EQ(name(graph.output(graph::Output::key_points)), "key.points");
+  EXPECT_EQ(name(graph.output(graph::Output::pose)), "out.pose");
+  EXPECT_EQ(graph.output(graph::Output::loss), graph::no_tensor);
+  for (const auto& node : graph.nodes) {
+    if (!std::holds_alternative<ops::InputFeatures>(node.op)) continue;
+    EXPECT_EQ(node.inputs, (std::vector{graph.input(graph::Input::colors), graph.input(graph::Input::normals),
+                                        graph.input(graph::Input::offsets)}));
+  }
 }
 
 TEST(CheckExecutable, FindsEachFault) {

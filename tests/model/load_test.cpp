@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "api/internal.hpp"
 #include "model/config.hpp"
 #include "model/parameters.hpp"
 #include "support/golden.hpp"
@@ -63,7 +64,7 @@ TEST(Load, TheTorchCheckpoint) {
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is absent";
   const auto same = load_model(path);
   ASSERT_TRUE(same) << same.error().message;
-  EXPECT_EQ(same->weights().parameters, model->weights().parameters);
+  EXPECT_EQ(Internal::weights(*same).parameters, Internal::weights(*model).parameters);
 }
 
 TEST(Load, WhatWasSavedIsLoaded) {
@@ -76,7 +77,7 @@ TEST(Load, WhatWasSavedIsLoaded) {
     const auto bytes = serialize(model);
     const auto loaded = load_model(bytes, {.name = "copy", .mode = {}});
     ASSERT_TRUE(loaded) << loaded.error().message;
-    EXPECT_EQ(loaded->weights().parameters, model.weights().parameters);
+    EXPECT_EQ(Internal::weights(*loaded).parameters, Internal::weights(model).parameters);
     EXPECT_EQ(loaded->config(), config);
     EXPECT_EQ(loaded->mode(), mode);
     EXPECT_FALSE(loaded->trained());
@@ -101,23 +102,23 @@ TEST(Load, HalvesAreTheNearest) {
                                                         {2047.75 / 1024, 2},
                                                         {0x1.fffp-15, 0x1p-14}};
   for (std::size_t i = 0; i < known.size(); ++i) matrix(static_cast<Eigen::Index>(i), 0) = known[i].first;
-  const Model model(std::make_shared<const model::Weights>(weights));
+  const Model model = Internal::model(std::make_shared<const model::Weights>(weights));
   const auto halved = load_model(serialize(model, WeightPrecision::f16));
   ASSERT_TRUE(halved) << halved.error().message;
-  const Eigen::MatrixXd& found = halved->weights().parameters.at(name);
+  const Eigen::MatrixXd& found = Internal::weights(*halved).parameters.at(name);
   for (std::size_t i = 0; i < known.size(); ++i)
     EXPECT_EQ(found(static_cast<Eigen::Index>(i), 0), known[i].second) << known[i].first;
   for (const auto& [other, exact] : weights.parameters) {
-    const Eigen::ArrayXXd off = (halved->weights().parameters.at(other) - exact).array().abs();
+    const Eigen::ArrayXXd off = (Internal::weights(*halved).parameters.at(other) - exact).array().abs();
     EXPECT_TRUE((off <= exact.array().abs() * 0x1p-11 + 0x1p-25).all()) << other;
   }
   // What has 16 bits stays as it is.
-  EXPECT_EQ(load_model(serialize(*halved, WeightPrecision::f16))->weights().parameters,
-            halved->weights().parameters);
+  EXPECT_EQ(Internal::weights(*load_model(serialize(*halved, WeightPrecision::f16))).parameters,
+            Internal::weights(*halved).parameters);
 
   matrix(0, 0) = 65520;
-  const auto infinite =
-      load_model(serialize(Model(std::make_shared<const model::Weights>(weights)), WeightPrecision::f16));
+  const auto infinite = load_model(
+      serialize(Internal::model(std::make_shared<const model::Weights>(weights)), WeightPrecision::f16));
   ASSERT_FALSE(infinite);
   EXPECT_THAT(infinite.error().message, HasSubstr("non-finite"));
 }
@@ -294,7 +295,7 @@ TEST(InferConfig, ReadsTheShapes) {
     const auto loaded = load_model(bytes);
     ASSERT_TRUE(loaded) << loaded.error().message << " from " << json;
     EXPECT_EQ(model::to_json(loaded->config()), json);
-    EXPECT_EQ(loaded->weights().parameters, model.weights().parameters);
+    EXPECT_EQ(Internal::weights(*loaded).parameters, Internal::weights(model).parameters);
     EXPECT_EQ(loaded->mode(), Mode::reference);
   }
 }

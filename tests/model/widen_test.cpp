@@ -5,6 +5,7 @@
 
 #include <bitr/bitr.hpp>
 
+#include "api/internal.hpp"
 #include "model/load.hpp"
 #include "support/configurations.hpp"
 #include "support/shapes.hpp"
@@ -56,7 +57,7 @@ class Widen : public testing::TestWithParam<Case> {
   }
 
   static Assembly solve(const model::Weights& weights, bool as_defined) {
-    const Model model(std::make_shared<const model::Weights>(weights));
+    const Model model = Internal::model(std::make_shared<const model::Weights>(weights));
     Random random(3);
     const auto source = test::exact_cloud(random, 90), reference = test::exact_cloud(random, 120);
     const std::vector<CloudPair> pairs = {{source.view(), reference.view()}};

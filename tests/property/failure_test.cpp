@@ -4,6 +4,7 @@
 #include <bitr/assemble.hpp>
 #include <cmath>
 
+#include "api/internal.hpp"
 #include "model/load.hpp"
 #include "model/weights.hpp"
 #include "property/network.hpp"
@@ -38,7 +39,7 @@ TEST_P(Failing, NumbersThatOverflowInTheNetworkMarkThePoseAsFailed) {
   for (const std::size_t points : {60, 900}) {
     auto weights = model::initial_weights({}, 0, Mode::scale_exact);
     for (auto& [name, matrix] : weights.parameters) matrix *= 1e30;
-    const Model model(std::make_shared<const model::Weights>(std::move(weights)));
+    const Model model = Internal::model(std::make_shared<const model::Weights>(std::move(weights)));
     const PointCloud source = random_cloud(random, points), reference = random_cloud(random, points);
     const Assembly assembly = assemble_one(GetParam(), model, {source, reference}, {});
     EXPECT_EQ(assembly.status, Status::failed);

@@ -233,6 +233,23 @@ TEST_P(Verify, AGoodPairIsWithinEveryBound) {
   }
 }
 
+// What both passes are given says nothing about either.
+TEST_P(Verify, ComparesNoInput) {
+  ModelConfig config;
+  config.return_normals = config.get_color = config.centroid_offset = true;
+  Random random(4);
+  const ExactCloud source = exact_cloud(random, 90), reference = exact_cloud(random, 70);
+  Plan plan = test::plan_for(untrained_model(config, 1).value(), {.precision = GetParam().precision},
+                             test::device_on(GetParam().backend));
+  const auto stages = verify(plan, {source.view(), reference.view()});
+  ASSERT_TRUE(stages) << stages.error().message;
+  EXPECT_GE(stages->size(), 12u);
+  for (const StageDifference& stage : *stages) {
+    EXPECT_TRUE(stage.within()) << stage.stage << ": " << stage.difference << " > " << stage.bound;
+    for (const char* input : {"positions", "normals", "colors", "offsets"}) EXPECT_NE(stage.stage, input);
+  }
+}
+
 TEST_P(Verify, RefusesWhatAssembleRefuses) {
   Random random(3);
   const ExactCloud small = exact_cloud(random, 10), fine = exact_cloud(random, 100);

@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 
+#include "api/internal.hpp"
 #include "core/thread_pool.hpp"
 #include "support/random_motion.hpp"
 #include "support/shapes.hpp"
@@ -71,7 +72,7 @@ inline bool present(Backend backend) { return backend == Backend::cpu || vulkan(
 
 inline Device device_on(Backend backend, unsigned threads = 2) {
   if (backend == Backend::cpu) return cpu_device(threads);
-  return Device(std::make_shared<ThreadPool>(threads), vulkan());
+  return Internal::device(std::make_shared<ThreadPool>(threads), vulkan());
 }
 
 inline Plan plan_for(const Model& model, const PlanOptions& options, const Device& device = shared_device(),

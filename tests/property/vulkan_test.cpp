@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "api/internal.hpp"
 #include "property/network.hpp"
 
 namespace bitr {
@@ -50,7 +51,7 @@ TEST_F(VulkanPlan, KnowsItsDeviceItsMemoryAndItsWork) {
   EXPECT_GE(plan->counters().dispatches, plan->operation_count());
   EXPECT_GT(plan->counters().barriers, 0u);
   EXPECT_EQ(plan->counters().submissions, 1u);
-  EXPECT_GT(device.context()->pipeline_count(), 0u);
+  EXPECT_GT(Internal::context(device)->pipeline_count(), 0u);
 }
 
 TEST_F(VulkanPlan, ProfileIsInOrderAndSumsUpToTheTimings) {
@@ -160,7 +161,7 @@ class DriverFailure : public VulkanPlan {
     auto plan = this->plan(*device);
     ASSERT_TRUE(plan) << plan.error().message;
     const std::string last = plan->operation_count() > 0 ? "pose" : "";
-    lose(device->context()->functions());
+    lose(Internal::context(*device)->functions());
     const auto lost = assemble(*plan, {{pair()}});
     ASSERT_FALSE(lost);
     EXPECT_EQ(lost.error().code, ErrorCode::device_lost);
@@ -193,14 +194,14 @@ TEST_F(DriverFailure, LostWhileWaiting) {
 TEST_F(DriverFailure, TooLittleMemoryNamesTheBytesAndTheDevice) {
   const auto device = create_device();
   ASSERT_TRUE(device) << device.error().message;
-  const auto real = device->context()->functions().AllocateMemory;
-  device->context()->functions().AllocateMemory = &no_memory;
+  const auto real = Internal::context(*device)->functions().AllocateMemory;
+  Internal::context(*device)->functions().AllocateMemory = &no_memory;
   const auto refused = plan(*device);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::internal);
   EXPECT_THAT(refused.error().message, AllOf(HasSubstr("bytes of memory"), HasSubstr(device->name())));
   // Nothing else is wrong with it.
-  device->context()->functions().AllocateMemory = real;
+  Internal::context(*device)->functions().AllocateMemory = real;
   auto plan = this->plan(*device);
   ASSERT_TRUE(plan) << plan.error().message;
   EXPECT_TRUE(assemble(*plan, {{pair()}}));
@@ -211,7 +212,7 @@ TEST_F(DriverFailure, VerifyAndDoctorReportALostDevice) {
   ASSERT_TRUE(device) << device.error().message;
   auto plan = this->plan(*device);
   ASSERT_TRUE(plan) << plan.error().message;
-  device->context()->functions().QueueSubmit = &lose_on_submit;
+  Internal::context(*device)->functions().QueueSubmit = &lose_on_submit;
   const auto differences = verify(*plan, pair());
   ASSERT_FALSE(differences);
   EXPECT_EQ(differences.error().code, ErrorCode::device_lost);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cpu/executor.hpp"
+#include "graph/executor.hpp"
 #include "support/shapes.hpp"
 
 namespace bitr::test {
@@ -50,31 +50,39 @@ struct CloudBatch {
       for (double& x : o) x /= std::sqrt(square);
     return result;
   }
-  template <class T>
-  void run(cpu::Executor<T>& executor, int key_points, ThreadPool& pool) const {
+  void run(graph::Executor& executor, int key_points) const {
     executor.prepare(layout(key_points));
     fill(executor);
-    executor.run(pool);
+    executor.run();
   }
-  /// The inputs of a prepared executor.
-  template <class T>
-  void fill(cpu::Executor<T>& executor) const {
-    const auto copy = [&](graph::TensorId id, auto PointCloud::*rows) {
-      if (id == graph::no_tensor) return;
-      T* to = executor.data(id);
-      for (const PointCloud& cloud : clouds)
-        for (const auto& row : cloud.*rows)
-          for (const auto x : row) *to++ = static_cast<T>(x);
+  /// The inputs of a prepared executor, those that clouds have.
+  void fill(graph::Executor& executor) const {
+    for (const auto& [role, id] : executor.graph().inputs)
+      if (const std::vector<double> numbers = rows(role); !numbers.empty()) executor.write(id, numbers);
+  }
+  /// An input's rows: one per point, none where clouds do not have that input.
+  std::vector<double> rows(graph::Input role) const {
+    std::vector<double> all;
+    const auto add = [&](const auto& rows) {
+      for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
     };
-    copy(executor.graph().positions, &PointCloud::positions);
-    copy(executor.graph().normals, &PointCloud::normals);
-    copy(executor.graph().colors, &PointCloud::colors);
-    if (executor.graph().offsets != graph::no_tensor) {
-      T* to = executor.data(executor.graph().offsets);
-      for (const PointCloud& cloud : clouds)
-        for (const Vec3d& row : offsets(cloud))
-          for (const double x : row) *to++ = static_cast<T>(x);
-    }
+    for (const PointCloud& cloud : clouds) switch (role) {
+        case graph::Input::positions:
+          add(cloud.positions);
+          break;
+        case graph::Input::normals:
+          add(cloud.normals);
+          break;
+        case graph::Input::colors:
+          add(cloud.colors);
+          break;
+        case graph::Input::offsets:
+          add(offsets(cloud));
+          break;
+        case graph::Input::truth:
+          break;
+      }
+    return all;
   }
 };
 

@@ -8,6 +8,7 @@
 #include <bitr/io.hpp>
 #include <bitr/pose.hpp>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -83,20 +84,22 @@ struct GoldenCase {
     return rows;
   }
 
-  /// Lays out the batch and copies the inputs.
-  template <class T>
-  void fill(cpu::Executor<T>& executor) const {
-    executor.prepare(layout());
-    const auto copy = [&](graph::TensorId id, const std::vector<double>& rows) {
-      std::transform(rows.begin(), rows.end(), executor.data(id), [](double x) { return static_cast<T>(x); });
-    };
-    copy(executor.graph().positions, both("points"));
-    if (executor.graph().normals != graph::no_tensor) copy(executor.graph().normals, both("normals"));
+  /// An input's rows; throws for an input that no case has.
+  std::vector<double> input(graph::Input role) const {
+    static const std::map<graph::Input, std::string> names = {{graph::Input::positions, "points"},
+                                                              {graph::Input::normals, "normals"}};
+    return both(names.at(role));
   }
-  template <class T>
-  void run(cpu::Executor<T>& executor, ThreadPool& pool) const {
+
+  /// Lays out the batch and copies the clouds.
+  void fill(graph::Executor& executor) const {
+    executor.prepare(layout());
+    for (const auto& [role, id] : executor.graph().inputs)
+      if (role != graph::Input::truth) executor.write(id, input(role));
+  }
+  void run(graph::Executor& executor) const {
     fill(executor);
-    executor.run(pool);
+    executor.run();
   }
 };
 

@@ -1,15 +1,13 @@
-// Runs one CPU kernel on memory with guards around every tensor.
+// Operations run alone, with guards behind every tensor.
 #pragma once
 
 #include <gtest/gtest.h>
 
-#include <cstring>
-#include <type_traits>
-#include <variant>
+#include <algorithm>
+#include <string>
 #include <vector>
 
-#include "cpu/kernel.hpp"
-#include "graph/graph.hpp"
+#include "cpu/executor.hpp"
 
 namespace bitr::test {
 
@@ -27,78 +25,77 @@ struct OpTensor {
   }
 };
 
-/// A tensor's memory between two guards. What a kernel leaves unwritten stays NaN (or the largest index).
-template <class T>
-class GuardedTensor {
- public:
-  GuardedTensor(const graph::BatchLayout& layout, const OpTensor& tensor)
-      : tensor_(tensor),
-        count_(layout.rows(tensor.rows) * tensor.per_row * tensor.width),
-        bytes_(count_ * (tensor.index ? sizeof(std::uint32_t) : sizeof(T))),
-        memory_(bytes_ + 2 * guard_size, guard_byte) {
-    if (tensor.index) {
-      auto* to = slot().template as<std::uint32_t>();
-      for (std::size_t i = 0; i < count_; ++i) to[i] = tensor.indices.empty() ? ~0u : tensor.indices.at(i);
-    } else {
-      auto* to = slot().template as<T>();
-      for (std::size_t i = 0; i < count_; ++i)
-        to[i] =
-            tensor.values.empty() ? std::numeric_limits<T>::quiet_NaN() : static_cast<T>(tensor.values.at(i));
-    }
-    before_ = memory_;
-  }
+/// A tensor of an executor that has run.
+inline OpTensor read(const graph::Executor& executor, graph::TensorId id) {
+  OpTensor tensor = OpTensor::like(executor.graph().tensors.at(id));
+  if (tensor.index)
+    tensor.indices = executor.read<std::uint32_t>(id);
+  else
+    tensor.values = executor.read<double>(id);
+  return tensor;
+}
 
-  cpu::Slot slot() { return {memory_.data() + guard_size, tensor_.rows, tensor_.per_row, tensor_.width}; }
-  bool guards_hold() const {
-    return std::memcmp(memory_.data(), before_.data(), guard_size) == 0 &&
-           std::memcmp(memory_.data() + guard_size + bytes_, before_.data() + guard_size + bytes_,
-                       guard_size) == 0;
-  }
-  bool unchanged() const { return memory_ == before_; }
-  OpTensor result() {
-    OpTensor result = tensor_;
-    if (tensor_.index) {
-      const auto* from = slot().template as<std::uint32_t>();
-      result.indices.assign(from, from + count_);
-    } else {
-      const auto* from = slot().template as<T>();
-      result.values.assign(from, from + count_);
-    }
-    return result;
-  }
+/// As float holds it, so that either type reads the same numbers. Through memory, where no register is wider.
+inline OpTensor rounded(OpTensor tensor) {
+  const std::vector<float> single(tensor.values.begin(), tensor.values.end());
+  tensor.values.assign(single.begin(), single.end());
+  return tensor;
+}
 
- private:
-  static constexpr std::size_t guard_size = 256;
-  static constexpr std::byte guard_byte{0xa5};
-  OpTensor tensor_;
-  std::size_t count_, bytes_;
-  std::vector<std::byte, Eigen::aligned_allocator<std::byte>> memory_, before_;
-};
+/// `op` alone: its inputs, then its outputs.
+inline graph::Graph graph_of(const ops::Op& op, const std::vector<OpTensor>& inputs,
+                             const std::vector<OpTensor>& outputs) {
+  graph::Graph graph;
+  const auto add = [&](const std::vector<OpTensor>& tensors) {
+    std::vector<graph::TensorId> ids;
+    for (const OpTensor& tensor : tensors)
+      ids.push_back(graph.add({.name = "t" + std::to_string(graph.tensors.size()),
+                               .rows = tensor.rows,
+                               .per_row = tensor.per_row,
+                               .width = tensor.width,
+                               .kind = tensor.index ? graph::ElementKind::index : graph::ElementKind::real,
+                               .fiber = {}}));
+    return ids;
+  };
+  std::vector<graph::TensorId> in = add(inputs), out = add(outputs);
+  graph.append("op", op, std::move(in), std::move(out));
+  return graph;
+}
 
-/// Runs `op` in T; expects guards and inputs untouched; returns the outputs.
+/// Bytes behind every tensor that no kernel may touch.
+constexpr std::size_t guard_bytes = 256;
+
+/// Runs an executor of graph_of() that has guards; expects those untouched; returns the outputs.
+inline std::vector<OpTensor> run_node(graph::Executor& executor, const graph::BatchLayout& layout,
+                                      const std::vector<OpTensor>& inputs) {
+  const graph::Node& node = executor.graph().nodes.front();
+  executor.prepare(layout);
+  for (std::size_t i = 0; i < inputs.size(); ++i)
+    if (inputs[i].index)
+      executor.write(node.inputs[i], inputs[i].indices);
+    else
+      executor.write(node.inputs[i], inputs[i].values);
+  executor.run();
+  std::vector<OpTensor> results;
+  for (const graph::TensorId id : node.outputs) results.push_back(read(executor, id));
+  EXPECT_TRUE(executor.guards_hold()) << "written outside an output";
+  return results;
+}
+
+/// Runs `op` on the CPU in T; expects guards and inputs untouched; returns the outputs. What a kernel leaves
+/// unwritten is NaN, or the largest index.
 template <class T>
 std::vector<OpTensor> run_op(const ops::Op& op, const graph::BatchLayout& layout,
                              const std::vector<OpTensor>& inputs, const std::vector<OpTensor>& outputs,
                              ThreadPool& pool) {
-  std::vector<GuardedTensor<T>> in, out;
-  for (const OpTensor& tensor : inputs) in.emplace_back(layout, tensor);
-  for (const OpTensor& tensor : outputs) out.emplace_back(layout, tensor);
-  std::vector<cpu::Slot> in_slots, out_slots;
-  for (auto& tensor : in) in_slots.push_back(tensor.slot());
-  for (auto& tensor : out) out_slots.push_back(tensor.slot());
-  std::visit(
-      [&](const auto& concrete) {
-        if constexpr (!std::is_same_v<std::decay_t<decltype(concrete)>, ops::AttentionLayer>)
-          cpu::make_kernel<T>(concrete)->run({pool, layout, in_slots, out_slots});
-        else
-          ADD_FAILURE() << "a composite layer has no kernel";
-      },
-      op);
-  std::vector<OpTensor> results;
-  for (auto& tensor : in) EXPECT_TRUE(tensor.unchanged()) << "an input was written to";
-  for (auto& tensor : out) {
-    EXPECT_TRUE(tensor.guards_hold()) << "written outside an output";
-    results.push_back(tensor.result());
+  cpu::Executor<T> executor(graph_of(op, inputs, outputs), pool, {.guard_bytes = guard_bytes});
+  std::vector<OpTensor> results = run_node(executor, layout, inputs);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const OpTensor after = read(executor, executor.graph().nodes.front().inputs[i]);
+    const std::vector<T> before(inputs[i].values.begin(), inputs[i].values.end());
+    EXPECT_TRUE(after.indices == inputs[i].indices &&
+                std::equal(before.begin(), before.end(), after.values.begin(), after.values.end()))
+        << "an input was written to";
   }
   return results;
 }

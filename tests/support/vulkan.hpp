@@ -53,45 +53,8 @@ inline testing::Environment* const validation_check = testing::AddGlobalTestEnvi
 inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::BatchLayout& layout,
                                            const std::vector<OpTensor>& inputs,
                                            const std::vector<OpTensor>& outputs) try {
-  graph::Graph graph;
-  graph::Node node{"op", op, {}, {}};
-  const auto add = [&](const OpTensor& tensor) {
-    return graph.add({.name = "t" + std::to_string(graph.tensors.size()),
-                      .rows = tensor.rows,
-                      .per_row = tensor.per_row,
-                      .width = tensor.width,
-                      .kind = tensor.index ? graph::ElementKind::index : graph::ElementKind::real,
-                      .fiber = {}});
-  };
-  for (const OpTensor& tensor : inputs) node.inputs.push_back(add(tensor));
-  for (const OpTensor& tensor : outputs) node.outputs.push_back(add(tensor));
-  graph.nodes.push_back(node);
-  vk::Executor executor(vulkan(), graph, layout, {.guard_bytes = 256});
-  executor.prepare(layout);
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    float* to = executor.input(node.inputs[i]);
-    if (inputs[i].index) {
-      std::copy(inputs[i].indices.begin(), inputs[i].indices.end(), reinterpret_cast<std::uint32_t*>(to));
-      continue;
-    }
-    const std::size_t width = static_cast<std::size_t>(inputs[i].width), stride = vk::padded(inputs[i].width);
-    for (std::size_t j = 0; j < inputs[i].values.size(); ++j)
-      to[j / width * stride + j % width] = static_cast<float>(inputs[i].values[j]);
-  }
-  executor.run();
-  std::vector<OpTensor> results;
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    OpTensor result = outputs[i];
-    if (result.index) {
-      result.indices = executor.indices(node.outputs[i]);
-    } else {
-      const auto values = executor.real(node.outputs[i]);
-      result.values.assign(values.begin(), values.end());
-    }
-    results.push_back(std::move(result));
-  }
-  EXPECT_TRUE(executor.guards_hold()) << "written outside an output";
-  return results;
+  vk::Executor executor(vulkan(), graph_of(op, inputs, outputs), layout, {.guard_bytes = guard_bytes});
+  return run_node(executor, layout, inputs);
 } catch (const Failure& failure) {
   ADD_FAILURE() << failure.what();
   return {};

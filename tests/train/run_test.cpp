@@ -9,6 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "api/internal.hpp"
 #include "bowl.hpp"
 #include "train/checkpoint.hpp"
 
@@ -82,7 +83,7 @@ TEST_F(RunTest, WritesAModelThatLoadsAndSaysHowItWasMade) {
     ASSERT_TRUE(model) << model.error().message;
     EXPECT_TRUE(model->trained());
     EXPECT_EQ(model->config(), options.model);
-    const auto& metadata = model->weights().metadata;
+    const auto& metadata = Internal::weights(*model).metadata;
     EXPECT_EQ(metadata.at("bitr.points_low"), "40");
     EXPECT_EQ(metadata.at("bitr.points_high"), "60");
     EXPECT_EQ(metadata.at("bitr.cloud_points_low"), "40");
@@ -113,7 +114,7 @@ TEST_F(RunTest, TellsHowManyPointsACropLeaves) {
     options.data.parts[0].protocol = protocol;
     const TrainFiles out = files(std::string(bitr::name(protocol)));
     train(options, out);
-    const auto metadata = load_model(out.model)->weights().metadata;
+    const auto metadata = Internal::weights(*load_model(out.model)).metadata;
     EXPECT_EQ(metadata.at("bitr.cloud_points_low"), expected[0]);
     EXPECT_EQ(metadata.at("bitr.cloud_points_high"), expected[1]);
   }
@@ -237,8 +238,8 @@ TEST_F(RunTest, StartsFromAnotherModelThatNeedNotStay) {
   train(options, files("second"));
   const auto first = load_model(files("first").model), second = load_model(files("second").model);
   EXPECT_EQ(second->config().k_neighbor, 8);
-  for (const auto& [name, matrix] : first->weights().parameters)
-    ASSERT_EQ(matrix, second->weights().parameters.at(name)) << name;
+  for (const auto& [name, matrix] : Internal::weights(*first).parameters)
+    ASSERT_EQ(matrix, Internal::weights(*second).parameters.at(name)) << name;
   std::filesystem::remove(files("first").model);
   options.steps = 3;
   EXPECT_EQ(train(options, files("second"), true).step, 3u);

@@ -1,4 +1,5 @@
 #include "train/trainer.hpp"
+#include "api/internal.hpp"
 
 #include <gmock/gmock.h>
 
@@ -257,7 +258,7 @@ TEST(Checkpoint, RefusesWhatIsDamaged) {
     EXPECT_EQ(cut.error().code, ErrorCode::bad_file);
     EXPECT_THAT(cut.error().message, HasSubstr("kept: "));
   }
-  const auto model = serialize(Model(std::make_shared<model::Weights>(made.trainer.averaged())));
+  const auto model = serialize(Internal::model(std::make_shared<model::Weights>(made.trainer.averaged())));
   const auto wrong = parse_checkpoint(model, "kept");
   ASSERT_FALSE(wrong);
   EXPECT_THAT(wrong.error().message, HasSubstr("this is no checkpoint"));

@@ -39,8 +39,9 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     batch_.emplace(*random_, GetParam().pairs);
     if (GetParam().duplicates) batch_->add_duplicates(GetParam().duplicates);
     const auto weights = test::perturbed_weights(GetParam().config, 3);
-    executor_.emplace(model::fold(model::build_graph(weights, Mode::scale_exact)), true);
-    batch_->run(*executor_, GetParam().config.num_key_points, pool_);
+    executor_.emplace(model::fold(model::build_graph(weights, Mode::scale_exact)), pool_,
+                      cpu::ExecutorOptions{.retain = true});
+    batch_->run(*executor_, GetParam().config.num_key_points);
     layout_ = batch_->layout(GetParam().config.num_key_points);
   }
 
@@ -84,24 +85,9 @@ class AttentionGradient : public testing::TestWithParam<Case> {
     }
   }
 
-  bool wanted(graph::TensorId id) const {
-    const graph::Graph& graph = executor_->graph();
-    return id != graph.positions && id != graph.normals && id != graph.colors;
-  }
+  bool wanted(graph::TensorId id) const { return !executor_->graph().inputs.holds(id); }
 
-  OpTensor value(graph::TensorId id) const {
-    const auto& info = executor_->graph().tensors[id];
-    OpTensor tensor = OpTensor::like(info);
-    const std::size_t count = layout_.rows(info.rows) * info.per_row * info.width;
-    if (tensor.index) {
-      const auto* data = executor_->template data<std::uint32_t>(id);
-      tensor.indices.assign(data, data + count);
-    } else {
-      const std::vector<float> rounded(executor_->data(id), executor_->data(id) + count);
-      tensor.values.assign(rounded.begin(), rounded.end());
-    }
-    return tensor;
-  }
+  OpTensor value(graph::TensorId id) const { return test::rounded(test::read(*executor_, id)); }
 
   void compare(const std::vector<double>& device, const std::vector<double>& exact) {
     ASSERT_EQ(device.size(), exact.size());
@@ -124,9 +110,9 @@ class AttentionGradient : public testing::TestWithParam<Case> {
 
   std::optional<Random> random_;
   std::optional<test::CloudBatch> batch_;
+  ThreadPool pool_{2};
   std::optional<cpu::Executor<double>> executor_;
   graph::BatchLayout layout_;
-  ThreadPool pool_{2};
   double worst_ = 0;
 };
 

@@ -23,19 +23,10 @@ struct VulkanNetwork {
     const auto rows = layout();
     return {rows.pairs(), rows.rows(graph::Rows::point), rows.key_points};
   }
-  void fill(const vk::Executor& executor) const {
-    float* to = executor.input(executor.graph().positions);
-    for (const PointCloud& cloud : batch.clouds)
-      for (const Vec3d& p : cloud.positions) {
-        for (const double x : p) *to++ = static_cast<float>(x);
-        *to++ = 0;
-      }
-  }
-  std::vector<float> run(vk::Executor& executor) const {
-    executor.prepare(layout());
-    fill(executor);
-    executor.run();
-    return executor.real(executor.graph().pose);
+  void fill(graph::Executor& executor) const { batch.fill(executor); }
+  std::vector<float> run(graph::Executor& executor) const {
+    batch.run(executor, config.num_key_points);
+    return executor.read<float>(graph::Output::pose);
   }
 
  private:

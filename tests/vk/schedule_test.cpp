@@ -13,7 +13,7 @@ std::vector<std::vector<float>> every_tensor(const VulkanNetwork& network,
   std::vector<std::vector<float>> tensors;
   for (std::size_t i = 0; i < network.graph.tensors.size(); ++i)
     if (network.graph.tensors[i].kind == graph::ElementKind::real)
-      tensors.push_back(executor.real(static_cast<int>(i)));
+      tensors.push_back(executor.read<float>(static_cast<int>(i)));
   return tensors;
 }
 

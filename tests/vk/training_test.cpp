@@ -5,6 +5,7 @@
 #include <numbers>
 #include <set>
 
+#include "api/internal.hpp"
 #include "support/cases.hpp"
 #include "support/cloud_batch.hpp"
 #include "support/configurations.hpp"
@@ -60,19 +61,15 @@ bool tested(const ops::Op& op) {
 }
 
 // Which inputs of a node are gradients of its outputs.
-template <class Operation>
-std::set<graph::TensorId> output_gradients(const Operation&, const graph::Node&) {
-  return {};
-}
-template <class Operation>
-std::set<graph::TensorId> output_gradients(const ops::Gradient<Operation>& gradient,
-                                           const graph::Node& node) {
-  std::set<graph::TensorId> ids;
-  for (const int output : gradient.grad_outputs) ids.insert(node.inputs[gradient.grad_output_at(output)]);
-  return ids;
-}
 std::set<graph::TensorId> output_gradients(const graph::Node& node) {
-  return std::visit([&](const auto& op) { return output_gradients(op, node); }, node.op);
+  return std::visit(
+      [&](const auto& op) {
+        std::set<graph::TensorId> ids;
+        if constexpr (requires { op.grad_outputs; })
+          for (const int output : op.grad_outputs) ids.insert(node.inputs[op.grad_output_at(output)]);
+        return ids;
+      },
+      node.op);
 }
 
 class Training : public testing::TestWithParam<Case> {
@@ -81,11 +78,11 @@ class Training : public testing::TestWithParam<Case> {
     if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
     const Case& c = GetParam();
     const auto training = train::training_graph(test::perturbed_weights(c.config, 3), c.loss, false);
-    executor_.emplace(training.result.graph, true);
+    executor_.emplace(training.result.graph, pool_, cpu::ExecutorOptions{.retain = true});
     const test::CloudBatch batch(random_, c.pairs);
     layout_ = batch.layout(c.config.num_key_points);
     executor_->prepare(layout_);
-    double* truth = executor_->data(executor_->graph().truth);
+    double* truth = executor_->data(executor_->graph().input(graph::Input::truth));
     for (std::uint32_t pair = 0; pair < layout_.pairs(); ++pair, truth += ops::truth_width) {
       const Pose pose = test::random_pose(random_);
       std::copy(pose.rotation.begin(), pose.rotation.end(), truth);
@@ -101,20 +98,18 @@ class Training : public testing::TestWithParam<Case> {
       truth[ops::pose_numbers + 6] = pair % 3 == 1 ? 0 : std::numbers::pi / 2;
       test::any_symmetry(random_, pair, truth + ops::pose_numbers);
     }
-    batch.run(*executor_, c.config.num_key_points, pool_);
+    batch.fill(*executor_);
+    executor_->run();
   }
 
   const graph::TensorInfo& info(graph::TensorId id) const { return executor_->graph().tensors[id]; }
 
   // Rounded to float first, so that both read the same numbers; or random.
   OpTensor input(graph::TensorId id, bool random) {
-    OpTensor tensor = OpTensor::like(info(id));
-    const std::size_t count = layout_.rows(info(id).rows) * info(id).per_row * info(id).width;
-    std::vector<float> rounded(executor_->data(id), executor_->data(id) + count);
+    OpTensor tensor = test::read(*executor_, id);
     if (random)
-      for (float& x : rounded) x = static_cast<float>(random_.normal());
-    tensor.values.assign(rounded.begin(), rounded.end());
-    return tensor;
+      for (double& x : tensor.values) x = random_.normal();
+    return test::rounded(std::move(tensor));
   }
 
   void check(const graph::Node& node, bool random) {
@@ -138,9 +133,9 @@ class Training : public testing::TestWithParam<Case> {
   }
 
   Random random_{7};
+  ThreadPool pool_{2};
   std::optional<cpu::Executor<double>> executor_;
   graph::BatchLayout layout_;
-  ThreadPool pool_{2};
 };
 
 TEST_P(Training, Operations) {
@@ -217,7 +212,7 @@ double difference(const train::Gradients& one, const train::Gradients& exact) {
 // From step to step the weights, and how many points there are, change.
 void compare_steps(const ModelConfig& config, ops::LossKind loss) {
   const auto pool = std::make_shared<ThreadPool>(2);
-  const Device cpu(pool), vulkan(pool, test::vulkan());
+  const Device cpu = Internal::device(pool), vulkan = Internal::device(pool, test::vulkan());
   Random random(5);
   const auto exact = train::make_differentiator(cpu, {}, {.loss = loss, .precision = Precision::f64});
   const auto single = train::make_differentiator(cpu, {}, {.loss = loss});
