@@ -1,5 +1,6 @@
 #include "answer.hpp"
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 
 #include "api/internal.hpp"

@@ -2,7 +2,6 @@
 // judged as asked.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
 #include <bitr/confidence.hpp>
 #include <bitr/refine.hpp>
@@ -11,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "cli.hpp"
 #include "cloud_input.hpp"
 #include "refinement.hpp"
 #include "restriction.hpp"

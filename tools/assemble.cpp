@@ -1,4 +1,5 @@
 // bitr assemble: one pair of clouds, its pose.
+#include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
 #include <bitr/picture.hpp>
@@ -179,7 +180,7 @@ int run(Options& options) {
 
 Command add_assemble(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("assemble", "Find the pose that assembles a source with a reference");
+  CLI::App* app = add_command(root, "assemble", "Find the pose that assembles a source with a reference");
   app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
   app->add_option("-o,--output", options->output, "Write both clouds, assembled, to this PLY file")

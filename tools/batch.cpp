@@ -1,4 +1,5 @@
 // bitr batch: many pairs of clouds, a line of results for each.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
@@ -427,7 +428,7 @@ void parse_shard(const std::string& text, Shard& shard) {
 
 Command add_batch(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("batch", "Assemble the pairs of a manifest");
+  CLI::App* app = add_command(root, "batch", "Assemble the pairs of a manifest");
   app->add_option("MANIFEST", options->manifest, "Table or JSON lines that name the clouds, see below")
       ->required()
       ->type_name("FILE");

@@ -1,6 +1,7 @@
 // bitr bench: how long forward passes take.
 #include <sys/resource.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <bitr/assemble.hpp>
@@ -158,7 +159,7 @@ int run(Options& options) {
 
 Command add_bench(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("bench", "Measure how long forward passes take");
+  CLI::App* app = add_command(root, "bench", "Measure how long forward passes take");
   app->add_flag("--model-forward", options->model_forward, "Whole forward passes on generated pairs");
   add_count(*app, "--points", options->points, 1, max_generated_points, "Points of each cloud");
   add_count(*app, "--pairs", options->pairs, 1, 4096, "Pairs in a batch");

@@ -1,5 +1,6 @@
 #include "cloud_input.hpp"
 
+#include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 
 #include "options.hpp"

@@ -1,12 +1,13 @@
 // Clouds and models as a command takes them: from files, with as many points as the model knows.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/cloud.hpp>
 #include <bitr/model.hpp>
 #include <cstdint>
 #include <optional>
 #include <string>
+
+#include "cli.hpp"
 
 namespace bitr::tool {
 

@@ -1,8 +1,9 @@
 // A subcommand: its options are bound when it is added, and main runs it once everything has been parsed.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
+
+#include "cli.hpp"
 
 namespace bitr::tool {
 

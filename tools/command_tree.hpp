@@ -1,9 +1,10 @@
 // What the command consists of, as its options define it: for the manual and for shells that complete words.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
+
+#include "cli.hpp"
 
 namespace bitr::tool {
 

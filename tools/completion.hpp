@@ -1,8 +1,9 @@
 // Scripts that teach a shell the command's words, made of the same definitions as --help.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
+
+#include "cli.hpp"
 
 namespace bitr::tool {
 

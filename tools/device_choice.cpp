@@ -1,5 +1,6 @@
 #include "device_choice.hpp"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bitr/io.hpp>
 #include <cctype>

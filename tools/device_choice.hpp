@@ -1,13 +1,14 @@
 // Which device a command runs on: --backend, --device, --threads, --no-cache.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/device.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "cli.hpp"
 
 namespace bitr::tool {
 

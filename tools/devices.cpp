@@ -1,4 +1,5 @@
 // bitr devices: what Vulkan sees, and what each device gets.
+#include <CLI/CLI.hpp>
 #include <memory>
 
 #include "command.hpp"
@@ -57,7 +58,7 @@ int run(const std::string& json) {
 
 Command add_devices(CLI::App& root) {
   auto json = std::make_shared<std::string>();
-  CLI::App* app = root.add_subcommand("devices", "List the Vulkan devices and what each of them gets");
+  CLI::App* app = add_command(root, "devices", "List the Vulkan devices and what each of them gets");
   add_optional_json(*app, *json);
   app->footer(
       "A tier is a choice among variants of the kernels: \"shuffle\" uses subgroup operations, \"basic\" "

@@ -1,4 +1,5 @@
 // bitr doctor: whether a device computes what the network needs.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bitr/doctor.hpp>
 #include <cmath>
@@ -73,7 +74,7 @@ int run(const Options& options) {
 
 Command add_doctor(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("doctor", "Check that a device computes the network correctly");
+  CLI::App* app = add_command(root, "doctor", "Check that a device computes the network correctly");
   add_device_options(*app, options->device);
   add_optional_json(*app, options->json);
   app->footer(

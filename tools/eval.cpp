@@ -1,4 +1,5 @@
 // bitr eval: how far models and methods are from the truth, on pairs that are made for it.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bitr/data.hpp>
 #include <bitr/evaluate.hpp>
@@ -411,7 +412,7 @@ int run(Options& options) {
 
 Command add_eval(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("eval", "Measure how far models and methods are from the truth");
+  CLI::App* app = add_command(root, "eval", "Measure how far models and methods are from the truth");
   app->add_option("MODEL", options->methods.models, "Weights (.safetensors), any number of them")
       ->type_name("FILE");
   app->add_option("--kind", options->kind, "Generated shapes: a KIND of bitr generate")->type_name("KIND");

@@ -1,4 +1,5 @@
 // bitr generate: pairs of clouds with a known answer.
+#include <CLI/CLI.hpp>
 #include <bitr/data.hpp>
 #include <bitr/generate.hpp>
 #include <bitr/io.hpp>
@@ -170,7 +171,7 @@ int run(Options& options) {
 
 Command add_generate(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("generate", "Make pairs of clouds with a known answer");
+  CLI::App* app = add_command(root, "generate", "Make pairs of clouds with a known answer");
   std::string kinds, names;
   for (const GeneratedKind& kind : generated_kinds())
     kinds += "  " + std::string(kind.name) + std::string(12 - kind.name.size(), ' ') +

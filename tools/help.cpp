@@ -1,4 +1,5 @@
 // bitr help, bitr completion: what the command says about itself.
+#include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
 
@@ -41,7 +42,7 @@ int run(const CLI::App& root, const Options& options) {
 
 Command add_help(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("help", "Explain a command, or print the whole manual");
+  CLI::App* app = add_command(root, "help", "Explain a command, or print the whole manual");
   app->add_option("COMMAND", options->words, "Its words, as in: model info")->type_name("WORD");
   app->add_flag("--markdown", options->markdown, "Print the manual of all commands as Markdown");
   app->add_flag("--man", options->man, "Print it as a page for man");
@@ -55,7 +56,7 @@ Command add_help(CLI::App& root) {
 Command add_completion(CLI::App& root) {
   using Write = std::string (*)(const CLI::App&);
   auto write = std::make_shared<Write>(nullptr);
-  CLI::App* app = root.add_subcommand("completion", "Print a script that completes words in a shell");
+  CLI::App* app = add_command(root, "completion", "Print a script that completes words in a shell");
   add_choice<Write>(*app, "SHELL",
                     {{"bash", bash_completion}, {"zsh", zsh_completion}, {"fish", fish_completion}}, *write,
                     "The shell it is for")

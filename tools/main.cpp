@@ -1,10 +1,12 @@
 // bitr: the command.
+#include <CLI/CLI.hpp>
 #include <iostream>
 #include <new>
 #include <string>
 #include <vector>
 
 #include "command.hpp"
+#include "options.hpp"
 #include "output.hpp"
 
 namespace {
@@ -24,7 +26,7 @@ int run(int argc, char** argv) {
   std::vector<Command> commands = {add_assemble(app), add_batch(app),   add_generate(app),
                                    add_bench(app),    add_devices(app), add_doctor(app),
                                    add_eval(app),     add_train(app),   add_refine(app)};
-  CLI::App* model = app.add_subcommand("model", "Look into weights, convert them");
+  CLI::App* model = add_command(app, "model", "Look into weights, convert them");
   model->require_subcommand(1);
   model->footer(
       "Examples:\n"

@@ -1,4 +1,5 @@
 // bitr model convert: weights to safetensors, from the training code's checkpoint or from safetensors.
+#include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 #include <bitr/model.hpp>
 #include <iostream>
@@ -39,7 +40,7 @@ int run(Options& options) {
 Command add_model_convert(CLI::App& model) {
   auto options = std::make_shared<Options>();
   CLI::App* app =
-      model.add_subcommand("convert", "Convert a PyTorch checkpoint, or safetensors, to safetensors");
+      add_command(model, "convert", "Convert a PyTorch checkpoint, or safetensors, to safetensors");
   app->add_option("IN", options->input, "Checkpoint written by torch.save (.pt), or .safetensors")
       ->required()
       ->type_name("FILE");

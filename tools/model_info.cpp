@@ -1,4 +1,5 @@
 // bitr model info: what a file of weights holds.
+#include <CLI/CLI.hpp>
 #include <bitr/model.hpp>
 #include <iostream>
 #include <memory>
@@ -48,7 +49,7 @@ int run(const Options& options) {
 
 Command add_model_info(CLI::App& model) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = model.add_subcommand("info", "Configuration, size and metadata of a model");
+  CLI::App* app = add_command(model, "info", "Configuration, size and metadata of a model");
   app->add_option("MODEL", options->input, "Weights (.safetensors), or the name of a model that ships")
       ->required()
       ->type_name("FILE|NAME");

@@ -1,5 +1,6 @@
 #include "options.hpp"
 
+#include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 #include <charconv>
 #include <limits>
@@ -30,6 +31,22 @@ CLI::Option* count_option(CLI::App& app, const std::string& name, Value& value, 
 }
 
 }  // namespace
+
+CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description) {
+  return parent.add_subcommand(name, description);
+}
+
+CLI::Option* add_words(CLI::App& app, const std::string& name, const std::string& words,
+                       std::function<bool(const std::string&)> parse, const std::string& description) {
+  return app
+      .add_option_function<std::string>(
+          name,
+          [name, words, parse = std::move(parse)](const std::string& text) {
+            if (!parse(text)) throw CLI::ValidationError(name, "\"" + text + "\" is not one of " + words);
+          },
+          description)
+      ->type_name(words);
+}
 
 CLI::Option* add_count(CLI::App& app, const std::string& name, std::uint64_t& value, std::uint64_t low,
                        std::uint64_t high, const std::string& description) {

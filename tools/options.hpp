@@ -1,23 +1,28 @@
 // Options that several commands share, and values read strictly: a whole number is digits and nothing else.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
 #include <bitr/generate.hpp>
 #include <bitr/model.hpp>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "cli.hpp"
 #include "device_choice.hpp"
 #include "output.hpp"
 
 namespace bitr::tool {
 
 inline constexpr std::uint64_t most_points = 100'000'000;
+
+/// A command below `parent`, for which an app is made. One unit makes them all: what the parser's constructor needs is half of
+/// the parser.
+CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description);
 
 /// A whole number in low … high; the error names the option, the value and the range.
 CLI::Option* add_count(CLI::App& app, const std::string& name, std::uint64_t& value, std::uint64_t low,
@@ -27,6 +32,10 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, std::optional<std
 CLI::Option* add_seed(CLI::App& app, const std::string& name, std::uint64_t& value,
                       const std::string& description);
 
+/// An option with a fixed set of words, shown with | between them; `parse` says whether it knows the one given.
+CLI::Option* add_words(CLI::App& app, const std::string& name, const std::string& words,
+                       std::function<bool(const std::string&)> parse, const std::string& description);
+
 /// An option with a fixed set of words, each standing for a value.
 template <class Value, class Target>
 CLI::Option* add_choice(CLI::App& app, const std::string& name,
@@ -34,12 +43,12 @@ CLI::Option* add_choice(CLI::App& app, const std::string& name,
                         const std::string& description) {
   std::string words;
   for (const auto& [word, value] : choices) words += (words.empty() ? "" : "|") + word;
-  const auto parse = [name, choices = std::move(choices), words, &target](const std::string& text) {
+  const auto parse = [choices = std::move(choices), &target](const std::string& text) {
     for (const auto& [word, value] : choices)
-      if (word == text) return void(target = value);
-    throw CLI::ValidationError(name, "\"" + text + "\" is not one of " + words);
+      if (word == text) return target = value, true;
+    return false;
   };
-  return app.add_option_function<std::string>(name, parse, description)->type_name(words);
+  return add_words(app, name, words, parse, description);
 }
 
 /// --mode scale-exact|reference

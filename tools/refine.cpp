@@ -1,4 +1,5 @@
 // bitr refine: from a pose that is about right to one that fits.
+#include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 #include <bitr/refine.hpp>
 #include <memory>
@@ -136,7 +137,7 @@ int run(const Options& options) {
 
 Command add_refine(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("refine", "Refine a pose that is about right; never to a worse one");
+  CLI::App* app = add_command(root, "refine", "Refine a pose that is about right; never to a worse one");
   app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");
   app->add_option(

@@ -1,5 +1,7 @@
 #include "refinement.hpp"
 
+#include <CLI/CLI.hpp>
+
 #include "options.hpp"
 
 namespace bitr::tool {

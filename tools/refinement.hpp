@@ -1,12 +1,12 @@
 // Refinement in a command: its options, and what it says about a result.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/refine.hpp>
 #include <cstdio>
 #include <optional>
 #include <string>
 
+#include "cli.hpp"
 #include "output.hpp"
 
 namespace bitr::tool {

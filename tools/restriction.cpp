@@ -1,5 +1,6 @@
 #include "restriction.hpp"
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <numbers>
 

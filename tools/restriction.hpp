@@ -1,12 +1,12 @@
 // Poses of a family smaller than all rigid motions: shifts, or turns about one axis and shifts.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
 #include <optional>
 #include <string>
 
+#include "cli.hpp"
 #include "output.hpp"
 
 namespace bitr::tool {

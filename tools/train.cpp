@@ -1,4 +1,5 @@
 // bitr train: a model from shapes.
+#include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 #include <bitr/train.hpp>
 #include <chrono>
@@ -211,7 +212,7 @@ void add_setting(CLI::App& app, Options& options, const std::string& name, const
 
 Command add_train(CLI::App& root) {
   auto options = std::make_shared<Options>();
-  CLI::App* app = root.add_subcommand("train", "Train a model on procedural shapes or on your own");
+  CLI::App* app = add_command(root, "train", "Train a model on procedural shapes or on your own");
   app->add_option("CONFIG", options->config, "Settings, JSON with comments; see --print-config")
       ->type_name("FILE");
   app->add_option("--kind", options->kinds, "Train on procedural shapes: aircraft, vessels, fragments")
