@@ -4,6 +4,7 @@
 #include "point_attention.spv.hpp"
 #include "point_attention_texels.spv.hpp"
 #include "vk/point_attention_gradient.hpp"
+#include "vk/point_flags.hpp"
 
 namespace bitr::vk {
 namespace {
@@ -16,10 +17,6 @@ constexpr Access texel_bindings[] = {Access::texels, Access::read,     Access::t
 constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
 constexpr Shader texel_shader{"point_attention_texels", spirv::point_attention_texels, texel_bindings,
                               sizeof(PointParameters), 9};
-
-// FLAGS of the shader.
-constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
-                        relu_square = 32, keeps_sums = 64;
 
 // Bytes of sums saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
@@ -66,10 +63,6 @@ class PointAttentionKernel : public Kernel {
  private:
   std::array<std::uint32_t, 9> specializations(const KernelContext& site) const {
     const ops::PointAttention& op = op_;
-    const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
-                                (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
-                                (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
-                                (saves_ ? keeps_sums : 0u);
     return {tile_rows,
             number(site.in[1].per_row),
             number(op.c0),
@@ -77,7 +70,7 @@ class PointAttentionKernel : public Kernel {
             number(op.m0),
             number(op.m1),
             number(op.heads),
-            flags,
+            point_flags(op) | (saves_ ? POINT_KEEP : 0),
             static_cast<std::uint32_t>(constants().size() / 4)};
   }
 

@@ -9,6 +9,7 @@
 #include "point_attention_sums_texels.spv.hpp"
 #include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
+#include "vk/point_flags.hpp"
 #include "vk/reverse_neighbours.hpp"
 
 namespace bitr::vk {
@@ -35,17 +36,12 @@ constexpr Shader texel_gradient_shader{"point_attention_gradient_texels",
                                        spirv::point_attention_gradient_texels, texel_gradient_bindings,
                                        sizeof(PointGradientParameters), 9};
 
-// FLAGS of the shaders.
-constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
-                        relu_square = 32, zero_edges = 64, constant_feature = 128, wants_features = 256,
-                        wants_centres = 512, kept_sums = 1024;
-
 constexpr std::uint32_t listed_tiles = 32;
 constexpr std::size_t cached_rows = 4096 + 63;
 
 std::uint32_t quads(int n) { return padded(n) / 4; }
 
-// What is kept of a row, in vec4s (common/point_layer.glsl).
+// What is kept of a row, in vec4s (common/point_record.glsl).
 struct Record {
   explicit Record(const ops::PointAttention& op) {
     const int heads = op.heads, n0 = op.n0(), n1 = op.m1 > 0 ? op.n1() : 0, z0 = op.c0 + 1,
@@ -212,11 +208,9 @@ class PointGradientKernel : public Kernel {
 
   void make_pipelines(const Context& context) {
     const ops::PointAttention& op = op_;
-    const std::uint32_t flags =
-        (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) | (op.per_cloud ? per_cloud : 0u) |
-        (op.relu ? relu : 0u) | (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
-        (slots_.constant ? constant_feature : 0u) | (slots_.d_features >= 0 ? wants_features : 0u) |
-        (slots_.d_centres >= 0 ? wants_centres : 0u);
+    const std::uint32_t flags = point_flags(op) | (slots_.constant ? POINT_CONSTANT : 0) |
+                                (slots_.d_features >= 0 ? POINT_FEATURES : 0) |
+                                (slots_.d_centres >= 0 ? POINT_CENTRES : 0);
     for (const bool zero : {false, true}) {
       const auto sizes = std::array{tile_rows,
                                     k_,
@@ -225,9 +219,9 @@ class PointGradientKernel : public Kernel {
                                     number(op.m0),
                                     number(op.m1),
                                     number(op.heads),
-                                    flags | (zero     ? zero_edges
-                                             : saved_ ? kept_sums
-                                                      : 0u),
+                                    flags | (zero     ? POINT_ZERO
+                                             : saved_ ? POINT_KEPT
+                                                      : 0),
                                     static_cast<std::uint32_t>(weights_.bytes / 16)};
       sum_pipelines_[zero] = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader, sizes);
       gradient_pipelines_[zero] =
