@@ -9,15 +9,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read,  Access::read,     Access::read, Access::read,
-                               Access::read, Access::write, Access::constant, Access::write};
-constexpr Access texel_bindings[] = {Access::texels, Access::read,     Access::texels,
-                                     Access::texels, Access::read,     Access::read,
-                                     Access::write,  Access::constant, Access::write};
-constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
-constexpr Shader texel_shader{"point_attention_texels", spirv::point_attention_texels, texel_bindings,
-                              sizeof(PointParameters), 9};
-
 // Bytes of sums saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
 
@@ -35,7 +26,9 @@ class PointAttentionKernel : public Kernel {
       for (const auto* matrix : {&op.M0, &op.O0, &op.S0, &op.Mz0, &op.Oz0}) add_constants(*matrix);
     if (constants().empty()) add_constant(0.0);
     pad_constants(4);
-    pipeline_ = &site.context.pipeline(capabilities_.texels ? texel_shader : shader, specializations(site));
+    pipeline_ = site.context.pipeline(
+        capabilities_.texels ? shaders::point_attention_texels : shaders::point_attention,
+        specializations(site));
   }
 
   std::size_t saved_bytes(const graph::BatchLayout& layout) const override {
@@ -51,7 +44,7 @@ class PointAttentionKernel : public Kernel {
          tile_runs(table, capabilities_, cost,
                    std::max(row_bytes_, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))) {
       const Range rows = rows_of(result.range, row_bytes_, run);
-      args.schedule.dispatch(*pipeline_,
+      args.schedule.dispatch(pipeline_,
                              {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
                               op_.per_cloud ? args.in[4].range : features.range, table.tiles, rows,
                               args.constants, saves_ ? args.saved : rows},
@@ -75,7 +68,7 @@ class PointAttentionKernel : public Kernel {
   }
 
   const ops::PointAttention op_;
-  const Pipeline* pipeline_ = nullptr;
+  PipelineOf<PointParameters> pipeline_;
   const Capabilities& capabilities_;
   const std::size_t row_bytes_;  // bytes of a row of the result
   const graph::Rows rows_;

@@ -15,27 +15,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read,   Access::read,    Access::read,
-                                   Access::read, Access::read, Access::modify, Access::constant};
-constexpr Access texel_sum_bindings[] = {Access::texels, Access::read,   Access::texels,
-                                         Access::texels, Access::read,   Access::read,
-                                         Access::texels, Access::modify, Access::constant};
-constexpr Access gradient_bindings[] = {Access::read,   Access::read,  Access::read,
-                                        Access::read,   Access::read,  Access::read,
-                                        Access::modify, Access::write, Access::constant};
-constexpr Access texel_gradient_bindings[] = {Access::texels, Access::read,  Access::texels,
-                                              Access::texels, Access::read,  Access::read,
-                                              Access::modify, Access::write, Access::constant};
-constexpr Shader sum_shader{"point_attention_sums", spirv::point_attention_sums, sum_bindings,
-                            sizeof(PointGradientParameters), 9};
-constexpr Shader texel_sum_shader{"point_attention_sums_texels", spirv::point_attention_sums_texels,
-                                  texel_sum_bindings, sizeof(PointGradientParameters), 9};
-constexpr Shader gradient_shader{"point_attention_gradient", spirv::point_attention_gradient,
-                                 gradient_bindings, sizeof(PointGradientParameters), 9};
-constexpr Shader texel_gradient_shader{"point_attention_gradient_texels",
-                                       spirv::point_attention_gradient_texels, texel_gradient_bindings,
-                                       sizeof(PointGradientParameters), 9};
-
 constexpr std::uint32_t listed_tiles = 32;
 constexpr std::size_t cached_rows = 4096 + 63;
 
@@ -82,6 +61,9 @@ struct Record {
     return result;
   }
 };
+
+// One for all tiles, and one for those that have edges of length zero.
+using Pipelines = std::array<PipelineOf<PointGradientParameters>, 2>;
 
 class PointGradientKernel : public Kernel {
  public:
@@ -223,9 +205,11 @@ class PointGradientKernel : public Kernel {
                                              : saved_ ? POINT_KEPT
                                                       : 0),
                                     static_cast<std::uint32_t>(weights_.bytes / 16)};
-      sum_pipelines_[zero] = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader, sizes);
-      gradient_pipelines_[zero] =
-          &context.pipeline(capabilities_.texels ? texel_gradient_shader : gradient_shader, sizes);
+      sum_pipelines_[zero] = context.pipeline(
+          capabilities_.texels ? shaders::point_attention_sums_texels : shaders::point_attention_sums, sizes);
+      gradient_pipelines_[zero] = context.pipeline(
+          capabilities_.texels ? shaders::point_attention_gradient_texels : shaders::point_attention_gradient,
+          sizes);
     }
     if (!products_.empty())
       products_.make_pipelines(context, layout_.size, layout_.state, slots_.d_coefficients >= 0);
@@ -317,15 +301,15 @@ class PointGradientKernel : public Kernel {
     const double cost = k_ * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
     const auto most =
         static_cast<std::uint32_t>(std::clamp(most_cost / (5 * cost * tile_rows), 1.0, 65535.0));
-    const auto dispatch = [&](const Pipeline* const(&pipelines)[2],
-                              std::array<const std::vector<Range>*, 2> ranges, double factor) {
+    const auto dispatch = [&](const Pipelines& pipelines, std::array<const std::vector<Range>*, 2> ranges,
+                              double factor) {
       for (std::uint32_t first = 0; first < rows.count; first += most) {
         const std::uint32_t tiles = std::min(rows.count - first, most);
         const PointGradientParameters parameters{rows.first + first, tiles, rows.first_row};
-        args.schedule.dispatch(*pipelines[0], *ranges[0], parameters, {tiles, 1, 1},
+        args.schedule.dispatch(pipelines[0], *ranges[0], parameters, {tiles, 1, 1},
                                factor * cost * tiles * tile_rows);
         // Tiles that have edges of length zero, once more.
-        args.schedule.dispatch(*pipelines[1], *ranges[1], parameters,
+        args.schedule.dispatch(pipelines[1], *ranges[1], parameters,
                                {(tiles + listed_tiles - 1) / listed_tiles, 1, 1}, factor * cost * tiles);
       }
     };
@@ -346,7 +330,7 @@ class PointGradientKernel : public Kernel {
   const graph::Rows rows_, points_;
   OuterSums products_;
   Part weights_{}, jobs_{}, places_{};
-  const Pipeline *sum_pipelines_[2] = {}, *gradient_pipelines_[2] = {};
+  Pipelines sum_pipelines_, gradient_pipelines_;
   std::optional<ReverseNeighbours> lists_;
   std::optional<EdgeGather> features_, centres_;
 };
