@@ -63,6 +63,7 @@ class CgProductKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::CgProduct& op) {
   return std::make_unique<CgProductKernel>(site, op);
 }

@@ -89,6 +89,7 @@ std::vector<MatrixXd> cloud_layer_weights(const ops::CloudCoefficients& op, int 
   return {keys, zero_keys, skip, zero_values, values};
 }
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::CloudCoefficients& op) {
   return std::make_unique<CloudCoefficientsKernel>(site, op);
 }

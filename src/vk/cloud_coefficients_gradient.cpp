@@ -167,6 +167,7 @@ class CloudCoefficientsGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op) {
   return std::make_unique<CloudCoefficientsGradient>(site, op);
 }

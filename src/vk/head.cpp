@@ -56,6 +56,7 @@ class HeadKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Head& op) {
   return std::make_unique<HeadKernel>(site, op);
 }

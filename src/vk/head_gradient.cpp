@@ -80,6 +80,7 @@ class HeadGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Head>& op) {
   return std::make_unique<HeadGradient>(site, op);
 }

@@ -36,6 +36,7 @@ class InputFeaturesKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::InputFeatures& op) {
   return std::make_unique<InputFeaturesKernel>(site, op);
 }

@@ -98,6 +98,7 @@ class KnnKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Knn& op) {
   return std::make_unique<KnnKernel>(site, op);
 }

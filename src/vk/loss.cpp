@@ -78,9 +78,11 @@ class LossGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Loss& op) {
   return std::make_unique<LossKernel>(site, op);
 }
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Loss>& op) {
   return std::make_unique<LossGradient>(site, op);
 }

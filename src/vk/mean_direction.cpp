@@ -45,6 +45,7 @@ class MeanDirectionKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::MeanDirection& op) {
   return std::make_unique<MeanDirectionKernel>(site, op);
 }

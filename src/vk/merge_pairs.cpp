@@ -33,6 +33,7 @@ class MergePairsKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::MergePairs& op) {
   return std::make_unique<MergePairsKernel>(site, op);
 }

@@ -42,6 +42,7 @@ class MergePairsGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op) {
   return std::make_unique<MergePairsGradient>(site, op);
 }

@@ -46,6 +46,7 @@ class NeighbourAttentionKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::NeighbourAttention& op) {
   return std::make_unique<NeighbourAttentionKernel>(site, op);
 }

@@ -105,6 +105,7 @@ class PairAttentionKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::PairAttention& op) {
   return std::make_unique<PairAttentionKernel>(site, op);
 }

@@ -416,6 +416,7 @@ class PairGradientKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& op) {
   return std::make_unique<PairGradientKernel>(site, op);
 }

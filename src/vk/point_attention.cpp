@@ -77,6 +77,7 @@ class PointAttentionKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::PointAttention& op) {
   return std::make_unique<PointAttentionKernel>(site, op);
 }

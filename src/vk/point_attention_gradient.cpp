@@ -347,6 +347,7 @@ KernelPtr make_point_gradient(const KernelContext& site, const ops::PointAttenti
   return std::make_unique<PointGradientKernel>(site, op, slots);
 }
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointAttention>& op) {
   if (op.grad_input_at(3) >= 0)
     throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");

@@ -21,6 +21,7 @@ class ProjectPoseKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::ProjectPose&) {
   return std::make_unique<ProjectPoseKernel>(site);
 }

@@ -28,6 +28,7 @@ class ProjectPoseGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op) {
   return std::make_unique<ProjectPoseGradient>(site, op);
 }

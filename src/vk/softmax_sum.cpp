@@ -88,6 +88,7 @@ class SoftmaxSumKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::SoftmaxSum& op) {
   return std::make_unique<SoftmaxSumKernel>(site, op);
 }

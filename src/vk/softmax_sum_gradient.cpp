@@ -79,6 +79,7 @@ class SoftmaxSumGradient : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op) {
   return std::make_unique<SoftmaxSumGradient>(site, op);
 }

@@ -47,6 +47,7 @@ class SumKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Sum&) {
   return std::make_unique<SumKernel>(site);
 }
