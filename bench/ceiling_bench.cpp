@@ -5,8 +5,17 @@
 
 #include "api/internal.hpp"
 #include "commands.hpp"
+#include "copy.spv.hpp"
 #include "core/thread_pool.hpp"
 #include "vk/device.hpp"
+
+// Push constants of shaders/fma.comp.
+namespace bitr::vk {
+struct FmaParameters {
+  float factor, term;
+};
+}  // namespace bitr::vk
+#include "fma.spv.hpp"
 
 namespace bitr::bench {
 namespace {
@@ -52,19 +61,6 @@ Load copy(ThreadPool& pool) {
           }};
 }
 
-constexpr std::uint32_t fma_spirv[] = {
-#include "fma.spv.inc"
-};
-constexpr std::uint32_t copy_spirv[] = {
-#include "copy.spv.inc"
-};
-struct FmaParameters {
-  float factor, term;
-};
-constexpr vk::Access fma_bindings[] = {vk::Access::write};
-constexpr vk::Access copy_bindings[] = {vk::Access::read, vk::Access::write};
-constexpr vk::Shader fma_shader{"fma", fma_spirv, fma_bindings, sizeof(FmaParameters), 1};
-constexpr vk::Shader copy_shader{"copy", copy_spirv, copy_bindings, 0, 1};
 constexpr std::uint32_t group = 64;
 
 // As many equal dispatches in one submission as make the submission's own cost small.
@@ -82,10 +78,9 @@ Load multiply_add(const vk::Context& context) {
   constexpr std::uint32_t groups = 4096;
   constexpr double rounds = 2048, chains = 12;  // as in shaders/fma.comp
   const auto result = std::make_shared<vk::Buffer>(context, groups * group * sizeof(float), false);
-  const vk::Pipeline& pipeline = context.pipeline(fma_shader, std::array{group});
+  const auto pipeline = context.pipeline(vk::shaders::fma, std::array{group});
   Load load = repeated(context, 2 * rounds * chains * groups * group, [&](vk::Schedule& schedule) {
-    schedule.dispatch(pipeline, {{result->handle(), 0, result->size()}}, FmaParameters{0.999f, 0.001f},
-                      {groups, 1, 1}, 0);
+    schedule.dispatch(pipeline, {{result->handle(), 0, result->size()}}, {0.999f, 0.001f}, {groups, 1, 1}, 0);
   });
   return {load.amount, [load, result] { return load.pass(); }};
 }
@@ -93,7 +88,7 @@ Load multiply_add(const vk::Context& context) {
 Load copy(const vk::Context& context) {
   const auto from = std::make_shared<vk::Buffer>(context, copied_bytes, false);
   const auto to = std::make_shared<vk::Buffer>(context, copied_bytes, false);
-  const vk::Pipeline& pipeline = context.pipeline(copy_shader, std::array{group});
+  const auto pipeline = context.pipeline(vk::shaders::copy, std::array{group});
   Load load = repeated(context, 2.0 * copied_bytes, [&](vk::Schedule& schedule) {
     schedule.dispatch(pipeline, {{from->handle(), 0, copied_bytes}, {to->handle(), 0, copied_bytes}},
                       {copied_bytes / (16 * 4 * group), 1, 1}, 0);

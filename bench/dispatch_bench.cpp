@@ -2,29 +2,28 @@
 // a time is of all), and what the submission costs.
 #include "api/internal.hpp"
 #include "commands.hpp"
+#include "nothing.spv.hpp"
 #include "vk/device.hpp"
 
 namespace bitr::bench {
 namespace {
 
-constexpr std::uint32_t spirv[] = {
-#include "nothing.spv.inc"
-};
 // What they are said to touch decides about barriers.
 constexpr vk::Access reading[] = {vk::Access::read}, writing[] = {vk::Access::write};
-constexpr vk::Shader independent{"nothing_read", spirv, reading, 0, 1};
-constexpr vk::Shader dependent{"nothing_written", spirv, writing, 0, 1};
+using Nothing = std::remove_const_t<decltype(vk::shaders::nothing)>;
+constexpr Nothing independent{"nothing_read", vk::shaders::nothing_spirv, reading};
+constexpr Nothing dependent{"nothing_written", vk::shaders::nothing_spirv, writing};
 
-std::shared_ptr<Commands> commands_of(const vk::Context& context, const vk::Shader& shader,
+std::shared_ptr<Commands> commands_of(const vk::Context& context, const Nothing& shader,
                                       const vk::Buffer& buffer, int dispatches) {
-  const vk::Pipeline& pipeline = context.pipeline(shader, std::array{1u});
+  const auto pipeline = context.pipeline(shader, std::array{1u});
   vk::Schedule schedule;
   for (int i = 0; i < dispatches; ++i)
     schedule.dispatch(pipeline, {{buffer.handle(), 0, buffer.size()}}, {1, 1, 1}, 0);
   return std::make_shared<Commands>(context, schedule);
 }
 
-void one_more(benchmark::State& state, const vk::Context& context, const vk::Shader& shader) {
+void one_more(benchmark::State& state, const vk::Context& context, const Nothing& shader) {
   constexpr int many = 1025;
   const vk::Buffer buffer(context, 256, false);
   const auto one = commands_of(context, shader, buffer, 1), all = commands_of(context, shader, buffer, many);

@@ -25,48 +25,9 @@
 #include "common/texels.glsl"
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const int K = 24;
-layout(constant_id = 2) const int C0 = 4;
-layout(constant_id = 3) const int C1 = 4;
-layout(constant_id = 4) const int OUT0 = 4;
-layout(constant_id = 5) const int OUT1 = 4;
-layout(constant_id = 6) const int HEADS = 2;
-layout(constant_id = 7) const uint FLAGS = 0;
-layout(constant_id = 8) const int WEIGHTS = 64;  // vec4s
+#include "common/point_layer.glsl"
 
-const bool UNIFORM = (FLAGS & 1u) != 0u;
-const bool DIRECTION = (FLAGS & 2u) != 0u;
-const bool PER_CLOUD = (FLAGS & 4u) != 0u;
-const bool RELU = (FLAGS & 8u) != 0u;
-const bool VECTOR_KEYS = (FLAGS & 16u) != 0u;
-const bool RELU_SQUARE = (FLAGS & 32u) != 0u;
-const bool KEEP = (FLAGS & 64u) != 0u;
-
-// Paths of the two degrees, of edges and of zero-length edges.
-const int N0 = C0 + C1 + (DIRECTION ? 3 : 0);
-const int N1 = OUT1 > 0 ? C0 + 3 * C1 : 0;
-const int Z0 = C0 + 1;
-const int Z1 = OUT1 > 0 ? C1 : 0;
-const int QUERIES = UNIFORM ? 0 : 1;
-const int KEYS1 = UNIFORM || !VECTOR_KEYS ? 0 : 1;
-
-const int M1 = 0;
-const int O1 = M1 + KEYS1 * HEADS * N1 * C1;
-const int S1 = O1 + OUT1 * HEADS * N1;
-const int MZ1 = S1 + QUERIES * OUT1 * C1;
-const int OZ1 = MZ1 + KEYS1 * HEADS * Z1 * C1;
-const int PLANE = OZ1 + OUT1 * HEADS * Z1;
-const int DEGREE0 = (PLANE + (RELU ? OUT1 * OUT1 : 0) + 3) / 4 * 4;
-
-const int M0 = 0;
-const int O0 = M0 + QUERIES * HEADS * N0 * Z0;
-const int S0 = O0 + OUT0 * HEADS * N0;
-const int MZ0 = S0 + QUERIES * OUT0 * Z0;
-const int OZ0 = MZ0 + QUERIES * HEADS * Z0 * Z0;
-const int COEFFICIENT_STRIDE = (OZ0 + OUT0 * HEADS * Z0 + 3) / 4 * 4;
-
-const int F4 = (C0 + 3 * C1 + 3) / 4;
-const int R4 = (OUT0 + 3 * OUT1 + 3) / 4;
+const bool KEEP = (FLAGS & POINT_KEEP) != 0u;
 
 // Factors of the Clebsch–Gordan products 1 ⊗ 1 → 1: −1/√3, 1/√2, 1/√6.
 const float CG0 = -0.57735026918962576, CG1 = 0.70710678118654752, CG2 = 0.40824829046386302;
@@ -82,7 +43,6 @@ layout(set = 0, binding = 7) uniform Weights { vec4 weights[WEIGHTS]; };
 layout(set = 0, binding = 8) writeonly buffer Kept { vec4 kept[]; };
 layout(push_constant) uniform Push { PointParameters p; };
 
-#define QUADS(n) (((n) + 3) / 4)
 const int KEPT_SUM1 = QUADS(HEADS * N0), KEPT_STATE = KEPT_SUM1 + 3 * QUADS(HEADS * N1), KEPT = KEPT_STATE + 1 + HEADS;
 
 #include "common/point_weights.glsl"

@@ -8,7 +8,7 @@
 // in  4 coefficients f32[clouds,D] matrices of degree 0 (M0 O0 S0 Mz0 Oz0), if they come per cloud
 // in  5 tiles        u32[tiles,4]
 // in  6 given        f32[Q,R]      gradient of the result: OUT0 scalars, OUT1 vectors; padded to R
-// mod 7 record       f32[Q,RECORD] common/point_layer.glsl; from first_row on
+// mod 7 record       f32[Q,RECORD] common/point_record.glsl; from first_row on
 // con 8 weights      f32[WEIGHTS,4] matrices of degree 1 (M1 O1 S1 Mz1 Oz1 plane), then of degree 0
 // spec 0 WORKGROUP=32  1 K≤64  2 C0  3 C1  4 OUT0  5 OUT1  6 HEADS  7 FLAGS  8 WEIGHTS
 // grid tiles, or tiles / 32 | shared 0.5 KiB
@@ -35,6 +35,7 @@ layout(set = 0, binding = 5) readonly buffer Tiles { uvec4 tiles[]; };
 READ_VEC4S(6, Given);
 layout(set = 0, binding = 7) buffer Record { vec4 record[]; };
 #include "common/point_layer.glsl"
+#include "common/point_record.glsl"
 layout(set = 0, binding = 8) uniform Weights { vec4 weights[WEIGHTS]; };
 layout(push_constant) uniform Push { PointGradientParameters p; };
 #include "common/point_weights.glsl"

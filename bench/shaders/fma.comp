@@ -9,15 +9,18 @@ layout(local_size_x_id = 0) in;
 const int ROUNDS = 2048;
 
 layout(set = 0, binding = 0) writeonly buffer Result { float result[]; };
-layout(push_constant) uniform Push { float factor, term; };
+struct FmaParameters {
+  float factor, term;
+};
+layout(push_constant) uniform Push { FmaParameters p; };
 
 void main() {
   vec4 a = vec4(gl_LocalInvocationID.x), b = a + 1.0, c = a + 2.0;
   for (int i = 0; i < ROUNDS / 8; ++i) {
     [[unroll]] for (int j = 0; j < 8; ++j) {
-      a = a * factor + term;
-      b = b * factor + term;
-      c = c * factor + term;
+      a = a * p.factor + p.term;
+      b = b * p.factor + p.term;
+      c = c * p.factor + p.term;
     }
   }
   const vec4 sum = a + b + c;

@@ -64,11 +64,13 @@ class AttendKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Attend& op) {
-  return std::make_unique<AttendKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Attend& op) {
+  return std::make_unique<AttendKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Attend&);
-template KernelPtr<double> make_kernel(const ops::Attend&);
+template <>
+KernelPtr<double> make_kernel(const ops::Attend& op) {
+  return std::make_unique<AttendKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -94,11 +94,13 @@ class AttendGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Attend>& op) {
-  return std::make_unique<AttendGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::Attend>& op) {
+  return std::make_unique<AttendGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::Attend>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::Attend>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::Attend>& op) {
+  return std::make_unique<AttendGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

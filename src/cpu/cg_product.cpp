@@ -59,11 +59,13 @@ class CgProductKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::CgProduct& op) {
-  return std::make_unique<CgProductKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::CgProduct& op) {
+  return std::make_unique<CgProductKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::CgProduct&);
-template KernelPtr<double> make_kernel(const ops::CgProduct&);
+template <>
+KernelPtr<double> make_kernel(const ops::CgProduct& op) {
+  return std::make_unique<CgProductKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

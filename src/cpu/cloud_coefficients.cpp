@@ -84,11 +84,13 @@ class CloudCoefficientsKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudCoefficients& op) {
-  return std::make_unique<CloudCoefficientsKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::CloudCoefficients& op) {
+  return std::make_unique<CloudCoefficientsKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::CloudCoefficients&);
-template KernelPtr<double> make_kernel(const ops::CloudCoefficients&);
+template <>
+KernelPtr<double> make_kernel(const ops::CloudCoefficients& op) {
+  return std::make_unique<CloudCoefficientsKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

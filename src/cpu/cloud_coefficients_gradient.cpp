@@ -135,11 +135,13 @@ class CloudCoefficientsGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudCoefficients>& op) {
-  return std::make_unique<CloudCoefficientsGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudCoefficients>& op) {
+  return std::make_unique<CloudCoefficientsGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudCoefficients>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudCoefficients>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudCoefficients>& op) {
+  return std::make_unique<CloudCoefficientsGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -71,11 +71,13 @@ class CloudSoftmaxKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudSoftmax& op) {
-  return std::make_unique<CloudSoftmaxKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::CloudSoftmax& op) {
+  return std::make_unique<CloudSoftmaxKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::CloudSoftmax&);
-template KernelPtr<double> make_kernel(const ops::CloudSoftmax&);
+template <>
+KernelPtr<double> make_kernel(const ops::CloudSoftmax& op) {
+  return std::make_unique<CloudSoftmaxKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -52,11 +52,13 @@ class CloudSoftmaxGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op) {
-  return std::make_unique<CloudSoftmaxGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op) {
+  return std::make_unique<CloudSoftmaxGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudSoftmax>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudSoftmax>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op) {
+  return std::make_unique<CloudSoftmaxGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -40,11 +40,13 @@ class CloudSumKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudSum& op) {
-  return std::make_unique<CloudSumKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::CloudSum& op) {
+  return std::make_unique<CloudSumKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::CloudSum&);
-template KernelPtr<double> make_kernel(const ops::CloudSum&);
+template <>
+KernelPtr<double> make_kernel(const ops::CloudSum& op) {
+  return std::make_unique<CloudSumKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

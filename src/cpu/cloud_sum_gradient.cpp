@@ -49,11 +49,13 @@ class CloudSumGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSum>& op) {
-  return std::make_unique<CloudSumGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudSum>& op) {
+  return std::make_unique<CloudSumGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::CloudSum>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudSum>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::CloudSum>& op) {
+  return std::make_unique<CloudSumGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

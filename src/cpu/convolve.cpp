@@ -48,11 +48,13 @@ class ConvolveKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Convolve& op) {
-  return std::make_unique<ConvolveKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Convolve& op) {
+  return std::make_unique<ConvolveKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Convolve&);
-template KernelPtr<double> make_kernel(const ops::Convolve&);
+template <>
+KernelPtr<double> make_kernel(const ops::Convolve& op) {
+  return std::make_unique<ConvolveKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

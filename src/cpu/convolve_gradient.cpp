@@ -155,11 +155,13 @@ class ConvolveGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Convolve>& op) {
-  return std::make_unique<ConvolveGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::Convolve>& op) {
+  return std::make_unique<ConvolveGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::Convolve>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::Convolve>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::Convolve>& op) {
+  return std::make_unique<ConvolveGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -41,11 +41,13 @@ class EdgeGeometryKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::EdgeGeometry& op) {
-  return std::make_unique<EdgeGeometryKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::EdgeGeometry& op) {
+  return std::make_unique<EdgeGeometryKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::EdgeGeometry&);
-template KernelPtr<double> make_kernel(const ops::EdgeGeometry&);
+template <>
+KernelPtr<double> make_kernel(const ops::EdgeGeometry& op) {
+  return std::make_unique<EdgeGeometryKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

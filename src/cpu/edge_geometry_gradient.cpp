@@ -60,11 +60,13 @@ class EdgeGeometryGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::EdgeGeometry>& op) {
-  return std::make_unique<EdgeGeometryGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::EdgeGeometry>& op) {
+  return std::make_unique<EdgeGeometryGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::EdgeGeometry>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::EdgeGeometry>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::EdgeGeometry>& op) {
+  return std::make_unique<EdgeGeometryGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -43,11 +43,13 @@ class ExtendFeaturesKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::ExtendFeatures& op) {
-  return std::make_unique<ExtendFeaturesKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::ExtendFeatures& op) {
+  return std::make_unique<ExtendFeaturesKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::ExtendFeatures&);
-template KernelPtr<double> make_kernel(const ops::ExtendFeatures&);
+template <>
+KernelPtr<double> make_kernel(const ops::ExtendFeatures& op) {
+  return std::make_unique<ExtendFeaturesKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -74,11 +74,13 @@ class ExtendFeaturesGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ExtendFeatures>& op) {
-  return std::make_unique<ExtendFeaturesGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::ExtendFeatures>& op) {
+  return std::make_unique<ExtendFeaturesGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::ExtendFeatures>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::ExtendFeatures>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::ExtendFeatures>& op) {
+  return std::make_unique<ExtendFeaturesGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

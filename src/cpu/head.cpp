@@ -81,11 +81,13 @@ class HeadKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Head& op) {
-  return std::make_unique<HeadKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Head& op) {
+  return std::make_unique<HeadKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Head&);
-template KernelPtr<double> make_kernel(const ops::Head&);
+template <>
+KernelPtr<double> make_kernel(const ops::Head& op) {
+  return std::make_unique<HeadKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -141,11 +141,13 @@ class HeadGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Head>& op) {
-  return std::make_unique<HeadGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::Head>& op) {
+  return std::make_unique<HeadGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::Head>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::Head>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::Head>& op) {
+  return std::make_unique<HeadGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

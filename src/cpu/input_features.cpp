@@ -43,11 +43,13 @@ class InputFeaturesKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::InputFeatures& op) {
-  return std::make_unique<InputFeaturesKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::InputFeatures& op) {
+  return std::make_unique<InputFeaturesKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::InputFeatures&);
-template KernelPtr<double> make_kernel(const ops::InputFeatures&);
+template <>
+KernelPtr<double> make_kernel(const ops::InputFeatures& op) {
+  return std::make_unique<InputFeaturesKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

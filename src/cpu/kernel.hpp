@@ -72,84 +72,8 @@ class Kernel {
 template <class T>
 using KernelPtr = std::unique_ptr<Kernel<T>>;
 
-// One maker per operation, each in the file of its stem.
-template <class T>
-KernelPtr<T> make_kernel(const ops::Knn& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::EdgeGeometry& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::InputFeatures& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Convolve& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Linear& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Attend& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::ProjectedRelu& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudSoftmax& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudSum& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::ExtendFeatures& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::MergePairs& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Head& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::ProjectPose& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::MeanDirection& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::PointAttention& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::CloudCoefficients& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::SoftmaxSum& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::PairAttention& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::CgProduct& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::NeighbourAttention& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Loss& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Sum& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::EdgeGeometry>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Convolve>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Linear>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Attend>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectedRelu>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSoftmax>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudSum>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ExtendFeatures>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::MeanDirection>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::PointAttention>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::CloudCoefficients>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::SoftmaxSum>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::PairAttention>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::MergePairs>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Head>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectPose>& op);
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Loss>& op);
+/// Defined for every operation of ops::Op but ops::AttentionLayer, in the file of its stem.
+template <class T, class Operation>
+KernelPtr<T> make_kernel(const Operation& op);
 
 }  // namespace bitr::cpu

@@ -214,11 +214,13 @@ class KnnKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Knn& op) {
-  return std::make_unique<KnnKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Knn& op) {
+  return std::make_unique<KnnKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Knn&);
-template KernelPtr<double> make_kernel(const ops::Knn&);
+template <>
+KernelPtr<double> make_kernel(const ops::Knn& op) {
+  return std::make_unique<KnnKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

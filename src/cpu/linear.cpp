@@ -55,11 +55,13 @@ class LinearKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Linear& op) {
-  return std::make_unique<LinearKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Linear& op) {
+  return std::make_unique<LinearKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Linear&);
-template KernelPtr<double> make_kernel(const ops::Linear&);
+template <>
+KernelPtr<double> make_kernel(const ops::Linear& op) {
+  return std::make_unique<LinearKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -69,11 +69,13 @@ class LinearGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Linear>& op) {
-  return std::make_unique<LinearGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::Linear>& op) {
+  return std::make_unique<LinearGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::Linear>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::Linear>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::Linear>& op) {
+  return std::make_unique<LinearGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -190,18 +190,22 @@ class LossGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Loss& op) {
-  return std::make_unique<LossKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Loss& op) {
+  return std::make_unique<LossKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Loss&);
-template KernelPtr<double> make_kernel(const ops::Loss&);
+template <>
+KernelPtr<double> make_kernel(const ops::Loss& op) {
+  return std::make_unique<LossKernel<double>>(op);
+}
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::Loss>& op) {
-  return std::make_unique<LossGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::Loss>& op) {
+  return std::make_unique<LossGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::Loss>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::Loss>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::Loss>& op) {
+  return std::make_unique<LossGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -66,11 +66,13 @@ class MeanDirectionKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::MeanDirection& op) {
-  return std::make_unique<MeanDirectionKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::MeanDirection& op) {
+  return std::make_unique<MeanDirectionKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::MeanDirection&);
-template KernelPtr<double> make_kernel(const ops::MeanDirection&);
+template <>
+KernelPtr<double> make_kernel(const ops::MeanDirection& op) {
+  return std::make_unique<MeanDirectionKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -32,11 +32,13 @@ class MeanDirectionGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::MeanDirection>& op) {
-  return std::make_unique<MeanDirectionGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::MeanDirection>& op) {
+  return std::make_unique<MeanDirectionGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::MeanDirection>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::MeanDirection>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::MeanDirection>& op) {
+  return std::make_unique<MeanDirectionGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

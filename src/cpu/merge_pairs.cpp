@@ -37,11 +37,13 @@ class MergePairsKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::MergePairs& op) {
-  return std::make_unique<MergePairsKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::MergePairs& op) {
+  return std::make_unique<MergePairsKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::MergePairs&);
-template KernelPtr<double> make_kernel(const ops::MergePairs&);
+template <>
+KernelPtr<double> make_kernel(const ops::MergePairs& op) {
+  return std::make_unique<MergePairsKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

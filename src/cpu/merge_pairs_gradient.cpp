@@ -58,11 +58,13 @@ class MergePairsGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::MergePairs>& op) {
-  return std::make_unique<MergePairsGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::MergePairs>& op) {
+  return std::make_unique<MergePairsGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::MergePairs>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::MergePairs>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::MergePairs>& op) {
+  return std::make_unique<MergePairsGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

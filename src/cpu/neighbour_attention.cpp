@@ -69,11 +69,13 @@ class NeighbourAttentionKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::NeighbourAttention& op) {
-  return std::make_unique<NeighbourAttentionKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::NeighbourAttention& op) {
+  return std::make_unique<NeighbourAttentionKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::NeighbourAttention&);
-template KernelPtr<double> make_kernel(const ops::NeighbourAttention&);
+template <>
+KernelPtr<double> make_kernel(const ops::NeighbourAttention& op) {
+  return std::make_unique<NeighbourAttentionKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -30,11 +30,13 @@ class PairAttentionKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::PairAttention& op) {
-  return std::make_unique<PairAttentionKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::PairAttention& op) {
+  return std::make_unique<PairAttentionKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::PairAttention&);
-template KernelPtr<double> make_kernel(const ops::PairAttention&);
+template <>
+KernelPtr<double> make_kernel(const ops::PairAttention& op) {
+  return std::make_unique<PairAttentionKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -325,11 +325,13 @@ class PairAttentionGradientKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::PairAttention>& op) {
-  return std::make_unique<PairAttentionGradientKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::PairAttention>& op) {
+  return std::make_unique<PairAttentionGradientKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::PairAttention>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::PairAttention>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::PairAttention>& op) {
+  return std::make_unique<PairAttentionGradientKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

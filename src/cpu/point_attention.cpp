@@ -292,11 +292,13 @@ class PointAttentionKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::PointAttention& op) {
-  return std::make_unique<PointAttentionKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::PointAttention& op) {
+  return std::make_unique<PointAttentionKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::PointAttention&);
-template KernelPtr<double> make_kernel(const ops::PointAttention&);
+template <>
+KernelPtr<double> make_kernel(const ops::PointAttention& op) {
+  return std::make_unique<PointAttentionKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

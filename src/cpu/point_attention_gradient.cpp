@@ -91,11 +91,13 @@ class PointAttentionGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::PointAttention>& op) {
-  return std::make_unique<PointAttentionGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::PointAttention>& op) {
+  return std::make_unique<PointAttentionGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::PointAttention>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::PointAttention>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::PointAttention>& op) {
+  return std::make_unique<PointAttentionGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -50,11 +50,13 @@ class ProjectPoseKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::ProjectPose&) {
-  return std::make_unique<ProjectPoseKernel<T>>();
+template <>
+KernelPtr<float> make_kernel(const ops::ProjectPose&) {
+  return std::make_unique<ProjectPoseKernel<float>>();
 }
-template KernelPtr<float> make_kernel(const ops::ProjectPose&);
-template KernelPtr<double> make_kernel(const ops::ProjectPose&);
+template <>
+KernelPtr<double> make_kernel(const ops::ProjectPose&) {
+  return std::make_unique<ProjectPoseKernel<double>>();
+}
 
 }  // namespace bitr::cpu

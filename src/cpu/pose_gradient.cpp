@@ -77,11 +77,13 @@ class ProjectPoseGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectPose>& op) {
-  return std::make_unique<ProjectPoseGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::ProjectPose>& op) {
+  return std::make_unique<ProjectPoseGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::ProjectPose>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::ProjectPose>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::ProjectPose>& op) {
+  return std::make_unique<ProjectPoseGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -72,11 +72,13 @@ class ProjectedReluKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::ProjectedRelu& op) {
-  return std::make_unique<ProjectedReluKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::ProjectedRelu& op) {
+  return std::make_unique<ProjectedReluKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::ProjectedRelu&);
-template KernelPtr<double> make_kernel(const ops::ProjectedRelu&);
+template <>
+KernelPtr<double> make_kernel(const ops::ProjectedRelu& op) {
+  return std::make_unique<ProjectedReluKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -49,11 +49,13 @@ class ProjectedReluGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::ProjectedRelu>& op) {
-  return std::make_unique<ProjectedReluGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::ProjectedRelu>& op) {
+  return std::make_unique<ProjectedReluGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::ProjectedRelu>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::ProjectedRelu>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::ProjectedRelu>& op) {
+  return std::make_unique<ProjectedReluGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -81,11 +81,13 @@ class SoftmaxSumKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::SoftmaxSum& op) {
-  return std::make_unique<SoftmaxSumKernel<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::SoftmaxSum& op) {
+  return std::make_unique<SoftmaxSumKernel<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::SoftmaxSum&);
-template KernelPtr<double> make_kernel(const ops::SoftmaxSum&);
+template <>
+KernelPtr<double> make_kernel(const ops::SoftmaxSum& op) {
+  return std::make_unique<SoftmaxSumKernel<double>>(op);
+}
 
 }  // namespace bitr::cpu

@@ -108,11 +108,13 @@ class SoftmaxSumGradient : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Gradient<ops::SoftmaxSum>& op) {
-  return std::make_unique<SoftmaxSumGradient<T>>(op);
+template <>
+KernelPtr<float> make_kernel(const ops::Gradient<ops::SoftmaxSum>& op) {
+  return std::make_unique<SoftmaxSumGradient<float>>(op);
 }
-template KernelPtr<float> make_kernel(const ops::Gradient<ops::SoftmaxSum>&);
-template KernelPtr<double> make_kernel(const ops::Gradient<ops::SoftmaxSum>&);
+template <>
+KernelPtr<double> make_kernel(const ops::Gradient<ops::SoftmaxSum>& op) {
+  return std::make_unique<SoftmaxSumGradient<double>>(op);
+}
 
 }  // namespace bitr::cpu

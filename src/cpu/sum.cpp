@@ -22,11 +22,13 @@ class SumKernel : public Kernel<T> {
 
 }  // namespace
 
-template <class T>
-KernelPtr<T> make_kernel(const ops::Sum&) {
-  return std::make_unique<SumKernel<T>>();
+template <>
+KernelPtr<float> make_kernel(const ops::Sum&) {
+  return std::make_unique<SumKernel<float>>();
 }
-template KernelPtr<float> make_kernel(const ops::Sum&);
-template KernelPtr<double> make_kernel(const ops::Sum&);
+template <>
+KernelPtr<double> make_kernel(const ops::Sum&) {
+  return std::make_unique<SumKernel<double>>();
+}
 
 }  // namespace bitr::cpu

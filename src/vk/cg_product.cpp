@@ -8,8 +8,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"cg_product", spirv::cg_product, bindings, sizeof(RowParameters), 8};
 constexpr std::uint32_t group_size = 64;
 
 class CgProductKernel : public Kernel {
@@ -29,9 +27,10 @@ class CgProductKernel : public Kernel {
       }
     }
     const auto k = number(site.in.size() > 2 ? site.in[2].per_row : 0);
-    pipeline_ = &site.context.pipeline(
-        shader, std::array{group_size, k, number(op.channels), number(op.shared), number(op.a.dim()),
-                           number(op.b.dim()), number(op.out.dim()), number(terms_)});
+    pipeline_ = site.context.pipeline(
+        shaders::cg_product,
+        std::array{group_size, k, number(op.channels), number(op.shared), number(op.a.dim()),
+                   number(op.b.dim()), number(op.out.dim()), number(terms_)});
   }
 
   void record(const Arguments& args) const override {
@@ -47,7 +46,7 @@ class CgProductKernel : public Kernel {
       const auto across = static_cast<std::uint32_t>(std::min<std::size_t>(groups, capabilities_.groups));
       const auto down = static_cast<std::uint32_t>((groups + across - 1) / across);
       const Range left = edges ? a.range : run.of(a, rows);
-      args.schedule.dispatch(*pipeline_,
+      args.schedule.dispatch(pipeline_,
                              {left, run.of(b, rows), edges ? run.of(args.in[2], rows) : left, args.constants,
                               run.of(result, rows)},
                              RowParameters{static_cast<std::uint32_t>(run.count)}, {across, down, 1},
@@ -58,12 +57,13 @@ class CgProductKernel : public Kernel {
  private:
   const ops::CgProduct op_;
   std::size_t terms_ = 0;  // how many the component with most of them has
-  const Pipeline* pipeline_ = nullptr;
+  PipelineOf<RowParameters> pipeline_;
   const Capabilities& capabilities_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::CgProduct& op) {
   return std::make_unique<CgProductKernel>(site, op);
 }

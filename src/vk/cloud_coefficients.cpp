@@ -11,10 +11,6 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"cloud_coefficients", spirv::cloud_coefficients, bindings, sizeof(SegmentParameters),
-                        6};
-
 constexpr std::size_t work_group = 128;
 constexpr std::size_t shared_numbers = 4096;
 
@@ -27,16 +23,16 @@ class CloudCoefficientsKernel : public Kernel {
     for (const MatrixXd& matrix : cloud_layer_weights(op, site.in[1].width)) add_constants(matrix);
     require(extra, c1, heads * (c0 + 2 * c1 + op.full.c0 + 1) + layer.m0 * (1 + heads), layer);
 
-    pipeline_ =
-        &site.context.pipeline(shader, std::array{number(work_group), number(c0), number(c1),
-                                                  number(site.in[1].width), number(layer.m0), number(heads)});
+    pipeline_ = site.context.pipeline(shaders::cloud_coefficients,
+                                      std::array{number(work_group), number(c0), number(c1),
+                                                 number(site.in[1].width), number(layer.m0), number(heads)});
   }
 
   void record(const Arguments& args) const override {
     const std::uint32_t clouds = args.layout.clouds();
     for (std::uint32_t first = 0; first < clouds; first += capabilities_.groups) {
       const std::uint32_t count = std::min(clouds - first, capabilities_.groups);
-      args.schedule.dispatch(*pipeline_,
+      args.schedule.dispatch(pipeline_,
                              {args.in[0].range, args.in[1].range, args.constants, args.out[0].range},
                              SegmentParameters{first, clouds}, {count, 1, 1}, cost_ * count);
     }
@@ -63,7 +59,7 @@ class CloudCoefficientsKernel : public Kernel {
   }
 
   const Capabilities& capabilities_;
-  const Pipeline* pipeline_ = nullptr;
+  PipelineOf<SegmentParameters> pipeline_;
   double cost_ = 0;
 };
 
@@ -93,6 +89,7 @@ std::vector<MatrixXd> cloud_layer_weights(const ops::CloudCoefficients& op, int 
   return {keys, zero_keys, skip, zero_values, values};
 }
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::CloudCoefficients& op) {
   return std::make_unique<CloudCoefficientsKernel>(site, op);
 }

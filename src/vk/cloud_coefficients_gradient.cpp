@@ -13,17 +13,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access number_bindings[] = {Access::read, Access::read,  Access::read,
-                                      Access::read, Access::write, Access::write};
-constexpr Shader number_shader{"cloud_coefficients_gradient", spirv::cloud_coefficients_gradient,
-                               number_bindings, sizeof(SegmentParameters), 6};
-constexpr Access input_bindings[] = {Access::read, Access::write, Access::write};
-constexpr Shader input_shader{"cloud_coefficients_inputs", spirv::cloud_coefficients_inputs, input_bindings,
-                              sizeof(SegmentParameters), 5};
-constexpr Access constant_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader constant_shader{"cloud_coefficients_constants", spirv::cloud_coefficients_constants,
-                                 constant_bindings, sizeof(RowSumParameters), 6};
-
 constexpr std::uint32_t work_group = 128;
 constexpr std::size_t shared_numbers = 4096;
 constexpr std::uint32_t most_clouds = 16383;
@@ -54,15 +43,18 @@ class CloudCoefficientsGradient : public Kernel {
 
     const std::uint32_t globals = number(site.in[globals_input].width), m0 = number(op.op.layer.m0),
                         heads = number(op.op.layer.heads);
-    number_pipeline_ = &site.context.pipeline(
-        number_shader, std::array{work_group, number(c0_), number(c1_), globals, m0, heads});
+    number_pipeline_ =
+        site.context.pipeline(shaders::cloud_coefficients_gradient,
+                              std::array{work_group, number(c0_), number(c1_), globals, m0, heads});
     const std::uint32_t grad_input =
         (op.grad_input_at(means_input) >= 0 ? 1u : 0u) | (op.grad_input_at(globals_input) >= 0 ? 2u : 0u);
     if (grad_input)
-      input_pipeline_ = &site.context.pipeline(
-          input_shader, std::array{tile_rows, number(c0_), number(c1_), globals, grad_input});
-    constant_pipeline_ = &site.context.pipeline(
-        constant_shader, std::array{tile_rows, number(c0_), number(c1_), globals, m0, heads});
+      input_pipeline_ =
+          site.context.pipeline(shaders::cloud_coefficients_inputs,
+                                std::array{tile_rows, number(c0_), number(c1_), globals, grad_input});
+    constant_pipeline_ =
+        site.context.pipeline(shaders::cloud_coefficients_constants,
+                              std::array{tile_rows, number(c0_), number(c1_), globals, m0, heads});
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
@@ -80,15 +72,15 @@ class CloudCoefficientsGradient : public Kernel {
     const Range numbers = args.scratch.sub(0, numbers_bytes(clouds));
     const Range d_numbers = args.scratch.sub(numbers_bytes(clouds), numbers_bytes(clouds));
     args.schedule.dispatch(
-        *number_pipeline_,
+        number_pipeline_,
         {slots.in(means_input), slots.in(globals_input), weights, slots.grad_output(0), numbers, d_numbers},
         SegmentParameters{0, clouds}, {clouds, 1, 1}, cost_ * clouds);
     if (input_pipeline_)
-      args.schedule.dispatch(*input_pipeline_,
+      args.schedule.dispatch(input_pipeline_,
                              {d_numbers, slots.grad_input(means_input), slots.grad_input(globals_input)},
                              SegmentParameters{0, clouds}, {clouds, 1, 1}, 100.0 * clouds);
     const auto vectors = static_cast<std::uint32_t>(slots.constants().size / (4 * sizeof(float)));
-    args.schedule.dispatch(*constant_pipeline_, {codes, numbers, slots.grad_output(0), slots.constants()},
+    args.schedule.dispatch(constant_pipeline_, {codes, numbers, slots.grad_output(0), slots.constants()},
                            RowSumParameters{clouds, vectors},
                            {(4 * vectors + tile_rows - 1) / tile_rows, 1, 1}, 50.0 * vectors * clouds);
   }
@@ -169,11 +161,13 @@ class CloudCoefficientsGradient : public Kernel {
   const int c0_, c1_, extra_, paths_;
   std::size_t weights_bytes_ = 0, codes_offset_ = 0;
   double cost_ = 0;
-  const Pipeline *number_pipeline_ = nullptr, *input_pipeline_ = nullptr, *constant_pipeline_ = nullptr;
+  PipelineOf<SegmentParameters> number_pipeline_, input_pipeline_;
+  PipelineOf<RowSumParameters> constant_pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op) {
   return std::make_unique<CloudCoefficientsGradient>(site, op);
 }

@@ -1,6 +1,7 @@
 // A logical device with one queue: created here, or the host's.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <map>
@@ -9,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "vk/capabilities.hpp"
@@ -57,6 +59,19 @@ struct Pipeline {
   VkDescriptorSetLayout set_layout = VK_NULL_HANDLE;
 };
 
+/// A pipeline whose shader takes these push constants.
+template <class Parameters>
+class PipelineOf {
+ public:
+  PipelineOf() = default;
+  explicit PipelineOf(const Pipeline& pipeline) : pipeline_(&pipeline) {}
+  explicit operator bool() const { return pipeline_; }
+  const Pipeline& operator*() const { return *pipeline_; }
+
+ private:
+  const Pipeline* pipeline_ = nullptr;
+};
+
 /// What the host brings when it shares its device.
 struct HostDevice {
   PFN_vkGetInstanceProcAddr get_instance_proc_addr;
@@ -94,7 +109,18 @@ class Context {
   const VkPhysicalDeviceMemoryProperties& memory() const { return memory_; }
 
   /// Made on first use, kept for the device's life; from any thread. `specializations` are constants 0 … n−1.
-  const Pipeline& pipeline(const Shader& shader, std::span<const std::uint32_t> specializations) const;
+  template <class Parameters, std::size_t Count>
+  PipelineOf<Parameters> pipeline(
+      const ShaderOf<Parameters, Count>& shader,
+      const std::type_identity_t<std::array<std::uint32_t, Count>>& specializations) const {
+    return PipelineOf<Parameters>(find_pipeline(shader, specializations));
+  }
+  /// Throws Failure (`internal`) for another number of them than the shader has.
+  template <class Parameters, std::size_t Count>
+  PipelineOf<Parameters> pipeline(const ShaderOf<Parameters, Count>& shader,
+                                  const std::vector<std::uint32_t>& specializations) const {
+    return PipelineOf<Parameters>(find_pipeline(shader, specializations));
+  }
   std::size_t pipeline_count() const;
   /// The driver's cache behind this library's own header; empty if the driver gives none.
   std::vector<std::byte> pipeline_cache() const;
@@ -116,6 +142,7 @@ class Context {
   VkPhysicalDevice choose(const std::string& wanted);
   void create_device();
   void create_cache(std::span<const std::byte> blob);
+  const Pipeline& find_pipeline(const Shader& shader, std::span<const std::uint32_t> specializations) const;
   void note_lost(VkResult result) const;
   void destroy() noexcept;
 

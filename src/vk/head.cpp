@@ -8,10 +8,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read,  Access::read,  Access::read, Access::write,
-                               Access::write, Access::write, Access::write};
-constexpr Shader shader{"head", spirv::head, bindings, sizeof(HeadParameters), 4};
-
 constexpr std::uint32_t work_group = 128;
 constexpr std::uint32_t shared_numbers = 4080;
 
@@ -22,7 +18,8 @@ class HeadKernel : public Kernel {
         scalars_(channels(op, {0, 0})),
         vectors_(channels(op, {1, 0})),
         matrices_(channels(op, {1, 1})),
-        pipeline_(site.context.pipeline(shader, std::array{work_group, scalars_, vectors_, matrices_})) {
+        pipeline_(
+            site.context.pipeline(shaders::head, std::array{work_group, scalars_, vectors_, matrices_})) {
     add_constants(op.norm_weight);
     add_constants(op.norm_bias);
     add_constants((1 - op.mean_scale.array()).matrix());
@@ -54,11 +51,12 @@ class HeadKernel : public Kernel {
 
   const Capabilities& capabilities_;
   const std::uint32_t scalars_, vectors_, matrices_;
-  const Pipeline& pipeline_;
+  PipelineOf<HeadParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Head& op) {
   return std::make_unique<HeadKernel>(site, op);
 }

@@ -9,10 +9,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read,  Access::read,  Access::read,
-                               Access::read, Access::write, Access::write, Access::write};
-constexpr Shader shader{"head_gradient", spirv::head_gradient, bindings, sizeof(HeadParameters), 6};
-
 constexpr std::uint32_t work_group = 128;
 constexpr std::uint32_t shared_numbers = 4064;
 
@@ -27,10 +23,10 @@ class HeadGradient : public Kernel {
         scalars_(channels({0, 0})),
         vectors_(channels({1, 0})),
         matrices_(channels({1, 1})),
-        pipeline_(
-            site.context.pipeline(shader, std::array{work_group, scalars_, vectors_, matrices_,
-                                                     std::uint32_t{op.grad_input_at(positions_input) >= 0},
-                                                     std::uint32_t{op.grad_input_at(features_input) >= 0}})),
+        pipeline_(site.context.pipeline(shaders::head_gradient,
+                                        std::array{work_group, scalars_, vectors_, matrices_,
+                                                   std::uint32_t{op.grad_input_at(positions_input) >= 0},
+                                                   std::uint32_t{op.grad_input_at(features_input) >= 0}})),
         sums_(site.context) {
     if (op.grad_outputs != std::vector<int>{pieces_output} || !op.constants)
       throw Failure(ErrorCode::unsupported, "Vulkan takes the head's gradient with respect to its pieces");
@@ -77,13 +73,14 @@ class HeadGradient : public Kernel {
   const ops::Gradient<ops::Head> op_;
   const Capabilities& capabilities_;
   const std::uint32_t scalars_, vectors_, matrices_;
-  const Pipeline& pipeline_;
+  PipelineOf<HeadParameters> pipeline_;
   const RowSums sums_;
   std::size_t count_ = 0;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Head>& op) {
   return std::make_unique<HeadGradient>(site, op);
 }

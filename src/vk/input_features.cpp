@@ -4,17 +4,15 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"input_features", spirv::input_features, bindings, sizeof(TileParameters), 4};
-
 class InputFeaturesKernel : public Kernel {
  public:
   InputFeaturesKernel(const KernelContext& site, const ops::InputFeatures& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
-        pipeline_(site.context.pipeline(shader, std::array{tile_rows, static_cast<std::uint32_t>(op.colors),
-                                                           static_cast<std::uint32_t>(op.normals),
-                                                           static_cast<std::uint32_t>(op.offsets)})) {
+        pipeline_(site.context.pipeline(
+            shaders::input_features,
+            std::array{tile_rows, static_cast<std::uint32_t>(op.colors),
+                       static_cast<std::uint32_t>(op.normals), static_cast<std::uint32_t>(op.offsets)})) {
     add_constant(ops::constant_feature);
     pad_constants(4);
   }
@@ -33,11 +31,12 @@ class InputFeaturesKernel : public Kernel {
  private:
   const ops::InputFeatures op_;
   const Capabilities& capabilities_;
-  const Pipeline& pipeline_;
+  PipelineOf<TileParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::InputFeatures& op) {
   return std::make_unique<InputFeaturesKernel>(site, op);
 }

@@ -19,10 +19,10 @@ void Kernel::add_constants(const Eigen::MatrixXd& matrix) {
 KernelPtr kernel_for(const KernelContext& site, const ops::Op& op) {
   return std::visit(
       [&](const auto& concrete) -> KernelPtr {
-        if constexpr (requires { make_kernel(site, concrete); })
-          return make_kernel(site, concrete);
-        else
+        if constexpr (only_on_cpu<std::remove_cvref_t<decltype(concrete)>>)
           throw Failure(ErrorCode::unsupported, "an operation of the graph runs on the CPU only");
+        else
+          return make_kernel(site, concrete);
       },
       op);
 }

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "graph/graph.hpp"
@@ -121,30 +122,19 @@ struct KernelContext {
   bool saved = false;
 };
 
-// One maker per operation, each in the file of its stem.
-KernelPtr make_kernel(const KernelContext& site, const ops::Knn& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::InputFeatures& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::MergePairs& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Head& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::ProjectPose& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::MeanDirection& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::PointAttention& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::CloudCoefficients& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::SoftmaxSum& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::PairAttention& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MeanDirection>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointAttention>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Loss& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Sum& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Loss>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Head>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::CloudCoefficients>& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::CgProduct& op);
-KernelPtr make_kernel(const KernelContext& site, const ops::NeighbourAttention& op);
+template <class Operation, class... Others>
+constexpr bool is_any_of = (std::is_same_v<Operation, Others> || ...);
+/// Operations that only the CPU runs: those of the network as it is defined, before it is folded.
+template <class Operation>
+constexpr bool only_on_cpu =
+    is_any_of<Operation, ops::Attend, ops::AttentionLayer, ops::CloudSoftmax, ops::CloudSum, ops::Convolve,
+              ops::EdgeGeometry, ops::ExtendFeatures, ops::Linear, ops::ProjectedRelu>;
+template <class Operation>
+constexpr bool only_on_cpu<ops::Gradient<Operation>> = only_on_cpu<Operation>;
+
+/// Defined for every other operation of ops::Op, in the file of its stem.
+template <class Operation>
+KernelPtr make_kernel(const KernelContext& site, const Operation& op);
 
 /// Throws Failure (`unsupported`) for an operation that only the CPU runs.
 KernelPtr kernel_for(const KernelContext& site, const ops::Op& op);

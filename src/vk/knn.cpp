@@ -10,11 +10,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read,  Access::read,
-                               Access::read, Access::write, Access::modify};
-constexpr Shader basic{"knn", spirv::knn, bindings, sizeof(KnnParameters), 5};
-constexpr Shader shuffle{"knn_shuffle", spirv::knn_shuffle, bindings, sizeof(KnnParameters), 5};
-
 // An invocation keeps them in registers.
 constexpr int most_nearest = 128;
 constexpr std::size_t found_bytes = 2 * sizeof(std::uint32_t);
@@ -32,7 +27,7 @@ class KnnKernel : public Kernel {
         references_(site.in[1].rows),
         queries_(site.out[0].rows),
         pipeline_(site.context.pipeline(
-            site.context.capabilities().shuffle ? shuffle : basic,
+            site.context.capabilities().shuffle ? shaders::knn_shuffle : shaders::knn,
             std::array{tile_rows, static_cast<std::uint32_t>(op.k), static_cast<std::uint32_t>(op.dim),
                        static_cast<std::uint32_t>(op.exclude_self),
                        static_cast<std::uint32_t>(op.dilation)})),
@@ -95,7 +90,7 @@ class KnnKernel : public Kernel {
 
   const ops::Knn op_;
   const graph::Rows references_, queries_;
-  const Pipeline& pipeline_;
+  PipelineOf<KnnParameters> pipeline_;
   const Capabilities& capabilities_;
   const std::uint32_t most_references_;
   std::optional<KnnTree> tree_;  // where the capacity allows clouds that want it
@@ -103,6 +98,7 @@ class KnnKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Knn& op) {
   return std::make_unique<KnnKernel>(site, op);
 }

@@ -16,31 +16,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bounds_bindings[] = {Access::read, Access::read, Access::write};
-constexpr Shader bounds_shader{"knn_tree_bounds", spirv::knn_tree_bounds, bounds_bindings, 0, 1};
-constexpr Access clear_bindings[] = {Access::read, Access::write};
-constexpr Shader clear_shader{"knn_tree_clear", spirv::knn_tree_clear, clear_bindings, sizeof(TileParameters),
-                              1};
-constexpr Access count_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::modify};
-constexpr Shader count_shader{"knn_tree_count", spirv::knn_tree_count, count_bindings, sizeof(TileParameters),
-                              1};
-constexpr Access scan_bindings[] = {Access::read, Access::read, Access::modify};
-constexpr Shader scan_shader{"knn_tree_scan", spirv::knn_tree_scan, scan_bindings, 0, 1};
-constexpr Access scatter_bindings[] = {Access::read, Access::read,   Access::read,
-                                       Access::read, Access::modify, Access::write};
-constexpr Shader scatter_shader{"knn_tree_scatter", spirv::knn_tree_scatter, scatter_bindings,
-                                sizeof(TileParameters), 1};
-constexpr Access blocks_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader blocks_shader{"knn_tree_blocks", spirv::knn_tree_blocks, blocks_bindings,
-                               sizeof(TileParameters), 1};
-constexpr Access levels_bindings[] = {Access::read, Access::modify};
-constexpr Shader levels_shader{"knn_tree_levels", spirv::knn_tree_levels, levels_bindings, 0, 1};
-constexpr Access search_bindings[] = {Access::read, Access::read,  Access::read,
-                                      Access::read, Access::write, Access::write};
-constexpr Shader search_shader{"knn_tree", spirv::knn_tree, search_bindings, sizeof(PointParameters), 3};
-constexpr Shader shuffle_shader{"knn_tree_shuffle", spirv::knn_tree_shuffle, search_bindings,
-                                sizeof(PointParameters), 3};
-
 constexpr std::uint32_t lanes = 128;
 constexpr std::size_t cells_per_point = 8;  // shaders/common/knn_tree.glsl
 // Boxes met and points compared, of a point's search.
@@ -68,15 +43,15 @@ Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
 
 KnnTree::KnnTree(const Context& context, int k, int dilation)
     : capabilities_(context.capabilities()),
-      bounds_(context.pipeline(bounds_shader, std::array{lanes})),
-      clear_(context.pipeline(clear_shader, std::array{tile_rows})),
-      count_(context.pipeline(count_shader, std::array{tile_rows})),
-      scan_(context.pipeline(scan_shader, std::array{lanes})),
-      scatter_(context.pipeline(scatter_shader, std::array{tile_rows})),
-      blocks_(context.pipeline(blocks_shader, std::array{tile_rows})),
-      levels_(context.pipeline(levels_shader, std::array{lanes})),
+      bounds_(context.pipeline(shaders::knn_tree_bounds, std::array{lanes})),
+      scan_(context.pipeline(shaders::knn_tree_scan, std::array{lanes})),
+      levels_(context.pipeline(shaders::knn_tree_levels, std::array{lanes})),
+      clear_(context.pipeline(shaders::knn_tree_clear, std::array{tile_rows})),
+      count_(context.pipeline(shaders::knn_tree_count, std::array{tile_rows})),
+      scatter_(context.pipeline(shaders::knn_tree_scatter, std::array{tile_rows})),
+      blocks_(context.pipeline(shaders::knn_tree_blocks, std::array{tile_rows})),
       search_(context.pipeline(
-          capabilities_.shuffle ? shuffle_shader : search_shader,
+          capabilities_.shuffle ? shaders::knn_tree_shuffle : shaders::knn_tree,
           std::array{tile_rows, static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(dilation)})) {}
 
 std::size_t KnnTree::scratch_bytes(const graph::BatchLayout& layout, const Capabilities& capabilities) {
@@ -95,7 +70,7 @@ void KnnTree::record(Schedule& schedule, const graph::BatchLayout& layout, const
 
   schedule.dispatch(bounds_, {points.range, table.offsets, grids}, per_cloud, 20 * rows);
   const auto runs = tile_runs(table, capabilities_, 30);
-  const auto by_tiles = [&](const Pipeline& pipeline, const std::vector<Range>& ranges) {
+  const auto by_tiles = [&](PipelineOf<TileParameters> pipeline, const std::vector<Range>& ranges) {
     for (const TileRun& run : runs)
       schedule.dispatch(pipeline, ranges, TileParameters{run.first}, {run.count, 1, 1}, 30 * rows);
   };

@@ -16,7 +16,9 @@ class KnnTree {
 
  private:
   const Capabilities& capabilities_;
-  const Pipeline &bounds_, &clear_, &count_, &scan_, &scatter_, &blocks_, &levels_, &search_;
+  PipelineOf<NoParameters> bounds_, scan_, levels_;
+  PipelineOf<TileParameters> clear_, count_, scatter_, blocks_;
+  PipelineOf<PointParameters> search_;
 };
 
 }  // namespace bitr::vk

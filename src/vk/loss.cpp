@@ -9,13 +9,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"loss", spirv::loss, bindings, sizeof(KeyParameters), 2};
-constexpr Access gradient_bindings[] = {Access::read, Access::read, Access::read, Access::write,
-                                        Access::write};
-constexpr Shader gradient_shader{"loss_gradient", spirv::loss_gradient, gradient_bindings,
-                                 sizeof(KeyParameters), 4};
-
 constexpr std::uint32_t work_group = 128;
 constexpr std::uint32_t most_keys = 1024;  // the shaders' loops go over their pairs
 
@@ -30,8 +23,8 @@ class LossKernel : public Kernel {
  public:
   LossKernel(const KernelContext& site, const ops::Loss& op)
       : capabilities_(site.context.capabilities()),
-        pipeline_(
-            site.context.pipeline(shader, std::array{work_group, static_cast<std::uint32_t>(op.kind)})) {}
+        pipeline_(site.context.pipeline(shaders::loss,
+                                        std::array{work_group, static_cast<std::uint32_t>(op.kind)})) {}
 
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs(), keys = checked_keys(args.layout);
@@ -45,7 +38,7 @@ class LossKernel : public Kernel {
 
  private:
   const Capabilities& capabilities_;
-  const Pipeline& pipeline_;
+  PipelineOf<KeyParameters> pipeline_;
 };
 
 class LossGradient : public Kernel {
@@ -53,7 +46,7 @@ class LossGradient : public Kernel {
   LossGradient(const KernelContext& site, const ops::Gradient<ops::Loss>& op)
       : op_(op),
         capabilities_(site.context.capabilities()),
-        pipeline_(site.context.pipeline(gradient_shader,
+        pipeline_(site.context.pipeline(shaders::loss_gradient,
                                         std::array{tile_rows, static_cast<std::uint32_t>(op.op.kind),
                                                    std::uint32_t{op.grad_input_at(estimate_input) >= 0},
                                                    std::uint32_t{op.grad_input_at(keys_input) >= 0}})) {
@@ -80,14 +73,16 @@ class LossGradient : public Kernel {
   enum : int { estimate_input, truth_input, keys_input };
   const ops::Gradient<ops::Loss> op_;
   const Capabilities& capabilities_;
-  const Pipeline& pipeline_;
+  PipelineOf<KeyParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Loss& op) {
   return std::make_unique<LossKernel>(site, op);
 }
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::Loss>& op) {
   return std::make_unique<LossGradient>(site, op);
 }

@@ -4,9 +4,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write, Access::constant};
-constexpr Shader shader{"mean_direction", spirv::mean_direction, bindings, sizeof(PointParameters), 8};
-
 class MeanDirectionKernel : public Kernel {
  public:
   MeanDirectionKernel(const KernelContext& site, const ops::MeanDirection& op)
@@ -24,10 +21,10 @@ class MeanDirectionKernel : public Kernel {
       if (layer.m1 > 0) add_constants(layer.O1.col(h) * c);
     }
     pad_constants(4);
-    pipeline_ =
-        &site.context.pipeline(shader, std::array{tile_rows, number(site.in[1].per_row), number(layer.m0),
-                                                  number(layer.m1), number(layer.heads), number(layer.relu),
-                                                  number(constants().size() / 4), number(layer.relu_square)});
+    pipeline_ = site.context.pipeline(shaders::mean_direction,
+                                      std::array{tile_rows, number(site.in[1].per_row), number(layer.m0),
+                                                 number(layer.m1), number(layer.heads), number(layer.relu),
+                                                 number(constants().size() / 4), number(layer.relu_square)});
   }
 
   void record(const Arguments& args) const override {
@@ -37,17 +34,18 @@ class MeanDirectionKernel : public Kernel {
     for (const TileRun& run : tile_runs(table, capabilities_, cost,
                                         sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))
       args.schedule.dispatch(
-          *pipeline_, {args.in[0].range, rows_of(index, run), table.tiles, result.range, args.constants},
+          pipeline_, {args.in[0].range, rows_of(index, run), table.tiles, result.range, args.constants},
           PointParameters{run.first, run.first_row}, {run.count, 1, 1}, cost * (run.end_row - run.first_row));
   }
 
  private:
   const Capabilities& capabilities_;
-  const Pipeline* pipeline_ = nullptr;
+  PipelineOf<PointParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::MeanDirection& op) {
   return std::make_unique<MeanDirectionKernel>(site, op);
 }

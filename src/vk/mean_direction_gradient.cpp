@@ -3,6 +3,7 @@
 
 namespace bitr::vk {
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MeanDirection>& op) {
   if (!op.needs_input_grad.empty())
     throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");

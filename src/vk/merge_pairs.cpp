@@ -6,16 +6,13 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::write, Access::write};
-constexpr Shader shader{"merge_pairs", spirv::merge_pairs, bindings, sizeof(MergeParameters), 2};
-
 class MergePairsKernel : public Kernel {
  public:
   MergePairsKernel(const KernelContext& site, const ops::MergePairs& op)
       : width_(static_cast<std::uint32_t>(op.merged().size())),
         most_groups_(site.context.capabilities().groups),
-        pipeline_(
-            site.context.pipeline(shader, std::array{tile_rows, static_cast<std::uint32_t>(op.channels)})) {}
+        pipeline_(site.context.pipeline(shaders::merge_pairs,
+                                        std::array{tile_rows, static_cast<std::uint32_t>(op.channels)})) {}
 
   void record(const Arguments& args) const override {
     const std::uint32_t nodes = args.layout.pairs() * args.layout.key_points;
@@ -31,11 +28,12 @@ class MergePairsKernel : public Kernel {
  private:
   const std::uint32_t width_;
   const std::uint32_t most_groups_;
-  const Pipeline& pipeline_;
+  PipelineOf<MergeParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::MergePairs& op) {
   return std::make_unique<MergePairsKernel>(site, op);
 }

@@ -7,17 +7,13 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write, Access::write};
-constexpr Shader shader{"merge_pairs_gradient", spirv::merge_pairs_gradient, bindings,
-                        sizeof(MergeParameters), 6};
-
 class MergePairsGradient : public Kernel {
  public:
   MergePairsGradient(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op)
       : op_(op),
         most_groups_(site.context.capabilities().groups),
         pipeline_(site.context.pipeline(
-            shader,
+            shaders::merge_pairs_gradient,
             std::array{tile_rows, static_cast<std::uint32_t>(op.op.channels),
                        std::uint32_t{op.grad_output_at(0) >= 0}, std::uint32_t{op.grad_output_at(1) >= 0},
                        std::uint32_t{op.grad_input_at(0) >= 0}, std::uint32_t{op.grad_input_at(1) >= 0}})) {}
@@ -41,11 +37,12 @@ class MergePairsGradient : public Kernel {
  private:
   const ops::Gradient<ops::MergePairs> op_;
   const std::uint32_t most_groups_;
-  const Pipeline& pipeline_;
+  PipelineOf<MergeParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::MergePairs>& op) {
   return std::make_unique<MergePairsGradient>(site, op);
 }

@@ -17,11 +17,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read,
-                               Access::read, Access::read, Access::write};
-constexpr Shader basic{"nearest", spirv::nearest, bindings, sizeof(TileParameters), 2};
-constexpr Shader shuffle{"nearest_shuffle", spirv::nearest_shuffle, bindings, sizeof(TileParameters), 2};
-
 // Boxes met and points compared, of a point's search.
 constexpr double search_cost = 6000;
 // In radii of the cloud: from farther away single precision takes different points for equally near.
@@ -92,8 +87,8 @@ void Nearest::Cloud::write(const Vec3d& point, float* query) const {
 
 Nearest::Nearest(const Context& context) : context_(context), submitter_(context) {
   for (const std::uint32_t wanted : {1u, most_wanted}) {
-    const Shader& shader = context.capabilities().shuffle ? shuffle : basic;
-    groups_.push_back({wanted, &context.pipeline(shader, std::array{tile_rows, wanted})});
+    const auto& shader = context.capabilities().shuffle ? shaders::nearest_shuffle : shaders::nearest;
+    groups_.push_back({wanted, context.pipeline(shader, std::array{tile_rows, wanted})});
   }
 }
 
@@ -195,7 +190,7 @@ void Nearest::run() {
     for (std::uint32_t first = 0; first < group.tiles.size(); first += most_tiles) {
       const std::uint32_t count =
           std::min(most_tiles, static_cast<std::uint32_t>(group.tiles.size()) - first);
-      schedule.dispatch(*group.pipeline, {queries, tiles, table_, sorted_, boxes_, index},
+      schedule.dispatch(group.pipeline, {queries, tiles, table_, sorted_, boxes_, index},
                         TileParameters{first}, {count, 1, 1}, search_cost * tile_rows * count);
     }
   }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "vk/parameters.hpp"
 #include "vk/submitter.hpp"
 
 namespace bitr::vk {
@@ -54,7 +55,7 @@ class Nearest {
  private:
   struct Group {
     std::uint32_t wanted;
-    const Pipeline* pipeline;
+    PipelineOf<TileParameters> pipeline;
     std::size_t rows = 0, first_row = 0, first_tile = 0;  // among all groups' queries and tiles
     std::vector<std::array<std::uint32_t, 4>> tiles = {};
     std::size_t index_begin = 0;  // bytes

@@ -6,9 +6,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"neighbour_attention", spirv::neighbour_attention, bindings,
-                        sizeof(NeighbourAttentionParameters), 5};
 constexpr std::uint32_t group_size = 64;
 constexpr std::uint32_t queries_per_group = 8;
 
@@ -17,10 +14,10 @@ class NeighbourAttentionKernel : public Kernel {
   NeighbourAttentionKernel(const KernelContext& site, const ops::NeighbourAttention& op)
       : op_(op),
         heads_(static_cast<std::uint32_t>(site.in[0].per_row)),
-        pipeline_(site.context.pipeline(
-            shader, std::array{group_size, static_cast<std::uint32_t>(site.in[3].per_row), heads_,
-                               static_cast<std::uint32_t>(site.in[0].width),
-                               static_cast<std::uint32_t>(site.in[2].width)})),
+        pipeline_(site.context.pipeline(shaders::neighbour_attention,
+                                        std::array{group_size, static_cast<std::uint32_t>(site.in[3].per_row),
+                                                   heads_, static_cast<std::uint32_t>(site.in[0].width),
+                                                   static_cast<std::uint32_t>(site.in[2].width)})),
         capabilities_(site.context.capabilities()) {}
 
   void record(const Arguments& args) const override {
@@ -43,12 +40,13 @@ class NeighbourAttentionKernel : public Kernel {
  private:
   const ops::NeighbourAttention op_;
   const std::uint32_t heads_;
-  const Pipeline& pipeline_;
+  PipelineOf<NeighbourAttentionParameters> pipeline_;
   const Capabilities& capabilities_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::NeighbourAttention& op) {
   return std::make_unique<NeighbourAttentionKernel>(site, op);
 }

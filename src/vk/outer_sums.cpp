@@ -10,15 +10,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Access texel_sum_bindings[] = {Access::texels, Access::read, Access::read, Access::write};
-constexpr Access total_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader sum_shader{"outer_sums", spirv::outer_sums, sum_bindings, sizeof(OuterParameters), 3};
-constexpr Shader texel_sum_shader{"outer_sums_texels", spirv::outer_sums_texels, texel_sum_bindings,
-                                  sizeof(OuterParameters), 3};
-constexpr Shader total_shader{"outer_totals", spirv::outer_totals, total_bindings,
-                              sizeof(OuterTotalParameters), 3};
-
 constexpr std::uint32_t if_flagged = 0x80000000, no_place = 0xffffffff;
 constexpr std::uint32_t block = 4, block_bytes = block * block * sizeof(float);
 constexpr std::uint32_t work_group = 32;
@@ -54,10 +45,10 @@ void OuterSums::make_pipelines(const Context& context, std::uint32_t record, std
                                bool segmented) {
   capabilities_ = &context.capabilities();
   segmented_ = segmented;
-  sums_ = &context.pipeline(capabilities_->texels ? texel_sum_shader : sum_shader,
-                            std::array{work_group, record, flag});
-  totals_ = &context.pipeline(
-      total_shader, std::array{work_group, number(places().size()), static_cast<std::uint32_t>(segmented)});
+  sums_ = context.pipeline(capabilities_->texels ? shaders::outer_sums_texels : shaders::outer_sums,
+                           std::array{work_group, record, flag});
+  totals_ = context.pipeline(shaders::outer_totals, std::array{work_group, number(places().size()),
+                                                               static_cast<std::uint32_t>(segmented)});
 }
 
 std::size_t OuterSums::partial_bytes(const graph::BatchLayout& layout, graph::Rows rows) const {
@@ -74,7 +65,7 @@ void OuterSums::record_sums(const Arguments& args, const Memory& memory, const R
                   "a batch of " + std::to_string(tiles) + " tiles of 32 rows is too large to train on");
   const std::uint32_t groups = (job_count() + work_group - 1) / work_group;
   if (count > 0)
-    args.schedule.dispatch(*sums_, {records, table.tiles, memory.jobs, memory.partials},
+    args.schedule.dispatch(sums_, {records, table.tiles, memory.jobs, memory.partials},
                            OuterParameters{first, first_row, job_count()}, {count, groups, 1},
                            3.0 * 40 * count * tile_rows * job_count());
 }
@@ -84,7 +75,7 @@ void OuterSums::record_totals(const Arguments& args, const Memory& memory, const
   const std::uint32_t groups = (number(places().size()) + work_group - 1) / work_group;
   const std::uint32_t rows = segmented_ ? segments : 1, tiles = number(table.host_tiles.size());
   for (std::uint32_t first = 0; first < rows; first += capabilities_->groups)
-    args.schedule.dispatch(*totals_, {memory.partials, table.tiles, memory.places, result},
+    args.schedule.dispatch(totals_, {memory.partials, table.tiles, memory.places, result},
                            OuterTotalParameters{tiles, job_count(), first, begin_},
                            {groups, std::min(rows - first, capabilities_->groups), 1},
                            10.0 * tiles * work_group * groups);

@@ -45,7 +45,8 @@ class OuterSums {
   const Capabilities* capabilities_ = nullptr;
   bool segmented_ = false;
   std::uint32_t begin_ = 0;
-  const Pipeline *sums_ = nullptr, *totals_ = nullptr;
+  PipelineOf<OuterParameters> sums_;
+  PipelineOf<OuterTotalParameters> totals_;
 };
 
 }  // namespace bitr::vk

@@ -9,10 +9,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access attention_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader attention_shader{"pair_attention", spirv::pair_attention, attention_bindings,
-                                  sizeof(PairParameters), 24};
-
 constexpr std::uint32_t work_group = 32;
 // Bytes of messages between the dispatches; a larger batch goes in several runs.
 constexpr std::size_t most_scratch = std::size_t{32} << 20;
@@ -33,7 +29,7 @@ class PairAttentionKernel : public Kernel {
     for (const std::uint32_t x : messages_.take_constants(0)) add_constant(x);
     weights_ = add_weights();
     attention_pipeline_ =
-        &site.context.pipeline(attention_shader, messages_.attention_sizes(std::array{work_group}));
+        site.context.pipeline(shaders::pair_attention, messages_.attention_sizes(std::array{work_group}));
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
@@ -79,7 +75,7 @@ class PairAttentionKernel : public Kernel {
     if (!one_run_ || args.make_lists)
       messages_.record_order(args, run, run_index, positions.range, keys, order);
     messages_.record(args, run, features.range, run_index, positions.range, order, messages, rare);
-    args.schedule.dispatch(*attention_pipeline_,
+    args.schedule.dispatch(attention_pipeline_,
                            {features.range, messages, weights_.of(args), args.out[0].range}, run,
                            {run.nodes, 1, 1}, 4.0 * messages_.stride() * edges);
   }
@@ -104,11 +100,12 @@ class PairAttentionKernel : public Kernel {
   const bool saves_;    // messages, for the gradient
   const bool one_run_;  // does for all edges there can be
   ConstantPart weights_;
-  const Pipeline* attention_pipeline_ = nullptr;
+  PipelineOf<PairParameters> attention_pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::PairAttention& op) {
   return std::make_unique<PairAttentionKernel>(site, op);
 }

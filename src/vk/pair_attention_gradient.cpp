@@ -25,63 +25,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access node_bindings[] = {Access::read, Access::read,  Access::read,
-                                    Access::read, Access::write, Access::write};
-constexpr Access turn_bindings[] = {Access::read, Access::read,  Access::read,
-                                    Access::read, Access::write, Access::write};
-constexpr Access table_bindings[] = {Access::read, Access::read,  Access::constant, Access::read,
-                                     Access::read, Access::write, Access::write};
-constexpr Access texel_table_bindings[] = {Access::read,   Access::texels, Access::constant, Access::read,
-                                           Access::texels, Access::write,  Access::write};
-constexpr Access kernel_bindings[] = {Access::read,  Access::read,     Access::read,     Access::read,
-                                      Access::read,  Access::constant, Access::constant, Access::write,
-                                      Access::write, Access::write};
-constexpr Access texel_kernel_bindings[] = {Access::texels, Access::read,     Access::texels,   Access::read,
-                                            Access::texels, Access::constant, Access::constant, Access::write,
-                                            Access::write,  Access::write};
-constexpr Access edge_bindings[] = {Access::read, Access::read, Access::read,     Access::read, Access::read,
-                                    Access::read, Access::read, Access::constant, Access::write};
-constexpr Access texel_edge_bindings[] = {Access::read,   Access::texels,   Access::read,
-                                          Access::read,   Access::texels,   Access::texels,
-                                          Access::texels, Access::constant, Access::write};
-constexpr Access list_bindings[] = {Access::read, Access::write, Access::write};
-constexpr Access sum_bindings[] = {Access::read, Access::read,     Access::read,
-                                   Access::read, Access::constant, Access::modify};
-constexpr Access texel_sum_bindings[] = {Access::read,   Access::read,     Access::texels,
-                                         Access::texels, Access::constant, Access::modify};
-constexpr Access form_bindings[] = {Access::read,     Access::read,     Access::read,  Access::read,
-                                    Access::constant, Access::constant, Access::modify};
-constexpr Access texel_form_bindings[] = {Access::read,     Access::read,     Access::texels, Access::texels,
-                                          Access::constant, Access::constant, Access::modify};
-constexpr Shader node_shader{"pair_attention_gradient", spirv::pair_attention_gradient, node_bindings,
-                             sizeof(PairParameters), 24};
-constexpr Shader turn_shader{"pair_gradient_turn", spirv::pair_gradient_turn, turn_bindings,
-                             sizeof(PairGradientParameters), 17};
-constexpr Shader table_shader{"pair_gradient_tables", spirv::pair_gradient_tables, table_bindings,
-                              sizeof(PairGradientParameters), 17};
-constexpr Shader texel_table_shader{"pair_gradient_tables_texels", spirv::pair_gradient_tables_texels,
-                                    texel_table_bindings, sizeof(PairGradientParameters), 17};
-constexpr Shader kernel_shader{"pair_gradient_kernels", spirv::pair_gradient_kernels, kernel_bindings,
-                               sizeof(PairGradientParameters), 19};
-constexpr Shader texel_kernel_shader{"pair_gradient_kernels_texels", spirv::pair_gradient_kernels_texels,
-                                     texel_kernel_bindings, sizeof(PairGradientParameters), 19};
-constexpr Shader shared_kernel_shader{"pair_gradient_kernels_shuffle", spirv::pair_gradient_kernels_shuffle,
-                                      kernel_bindings, sizeof(PairGradientParameters), 19};
-constexpr Shader edge_shader{"pair_gradient_edges", spirv::pair_gradient_edges, edge_bindings,
-                             sizeof(PairGradientParameters), 17};
-constexpr Shader texel_edge_shader{"pair_gradient_edges_texels", spirv::pair_gradient_edges_texels,
-                                   texel_edge_bindings, sizeof(PairGradientParameters), 17};
-constexpr Shader list_shader{"pair_gradient_lists", spirv::pair_gradient_lists, list_bindings,
-                             sizeof(PairGradientParameters), 2};
-constexpr Shader sum_shader{"pair_gradient_sums", spirv::pair_gradient_sums, sum_bindings,
-                            sizeof(PairGradientParameters), 4};
-constexpr Shader texel_sum_shader{"pair_gradient_sums_texels", spirv::pair_gradient_sums_texels,
-                                  texel_sum_bindings, sizeof(PairGradientParameters), 4};
-constexpr Shader form_shader{"pair_gradient_forms", spirv::pair_gradient_forms, form_bindings,
-                             sizeof(PairGradientParameters), 3};
-constexpr Shader texel_form_shader{"pair_gradient_forms_texels", spirv::pair_gradient_forms_texels,
-                                   texel_form_bindings, sizeof(PairGradientParameters), 3};
-
 constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t sum_quads = 4;  // pair_gradient_sums.comp's QUADS
 constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
@@ -290,31 +233,36 @@ class PairGradientKernel : public Kernel {
       table += kind.tables;
     });
     for (const auto& [kind, numbers] : by_kind) {
-      kinds_.push_back({kind, number(block_numbers_.size() / 8), number(numbers.size() / 8), nullptr});
+      kinds_.push_back({kind, number(block_numbers_.size() / 8), number(numbers.size() / 8)});
       block_numbers_.insert(block_numbers_.end(), numbers.begin(), numbers.end());
     }
   }
 
   void make_pipelines(const Context& context) {
-    node_pipeline_ = &context.pipeline(node_shader, messages_.attention_sizes(std::array{work_group}));
+    node_pipeline_ =
+        context.pipeline(shaders::pair_attention_gradient, messages_.attention_sizes(std::array{work_group}));
     auto sizes = messages_.layer_sizes(std::array{work_group, k_, 0u});
-    turn_pipeline_ = &context.pipeline(turn_shader, sizes);
-    table_pipeline_ = &context.pipeline(capabilities_.texels ? texel_table_shader : table_shader, sizes);
-    edge_pipeline_ = &context.pipeline(capabilities_.texels ? texel_edge_shader : edge_shader, sizes);
+    turn_pipeline_ = context.pipeline(shaders::pair_gradient_turn, sizes);
+    table_pipeline_ = context.pipeline(
+        capabilities_.texels ? shaders::pair_gradient_tables_texels : shaders::pair_gradient_tables, sizes);
+    edge_pipeline_ = context.pipeline(
+        capabilities_.texels ? shaders::pair_gradient_edges_texels : shaders::pair_gradient_edges, sizes);
     const std::uint32_t parts = number(block_numbers_.size() / 8), tables = messages_.tables();
     for (KindParts& kind : kinds_) {
       sizes = messages_.layer_sizes(std::array{work_group, kind.kind.n1, kind.kind.n2});
       for (const std::uint32_t x : {kind.kind.tables, parts}) sizes.push_back(x);
-      kind.pipeline = &context.pipeline(capabilities_.texels    ? texel_kernel_shader
-                                        : capabilities_.shuffle ? shared_kernel_shader
-                                                                : kernel_shader,
-                                        sizes);
+      kind.pipeline = context.pipeline(capabilities_.texels    ? shaders::pair_gradient_kernels_texels
+                                       : capabilities_.shuffle ? shaders::pair_gradient_kernels_shuffle
+                                                               : shaders::pair_gradient_kernels,
+                                       sizes);
     }
-    list_pipeline_ = &context.pipeline(list_shader, std::array{work_group, sectors_});
-    sum_pipeline_ = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader,
-                                      std::array{sum_lanes_, sectors_, tables, messages_.in_vectors()});
-    form_pipeline_ = &context.pipeline(capabilities_.texels ? texel_form_shader : form_shader,
-                                       std::array{work_group, sectors_, tables});
+    list_pipeline_ = context.pipeline(shaders::pair_gradient_lists, std::array{work_group, sectors_});
+    sum_pipeline_ = context.pipeline(
+        capabilities_.texels ? shaders::pair_gradient_sums_texels : shaders::pair_gradient_sums,
+        std::array{sum_lanes_, sectors_, tables, messages_.in_vectors()});
+    form_pipeline_ = context.pipeline(
+        capabilities_.texels ? shaders::pair_gradient_forms_texels : shaders::pair_gradient_forms,
+        std::array{work_group, sectors_, tables});
     products_.make_pipelines(context, record_size_, 0, false);
     lists_.emplace(context, static_cast<int>(k_));
     const std::uint32_t row = padded(op_.fiber_in.size()), edge = row / 4 + 2;
@@ -382,7 +330,7 @@ class PairGradientKernel : public Kernel {
                 result = args.out[gradient_.constants_at()].range;
     const PairParameters run{first_node, nodes};
     if (saved_) m.messages = args.saved.sub(messages_.bytes(first_node), messages_.bytes(nodes));
-    const auto dispatch = [&](const Pipeline& pipeline, const std::vector<Range>& ranges,
+    const auto dispatch = [&](PipelineOf<PairGradientParameters> pipeline, const std::vector<Range>& ranges,
                               std::array<std::uint32_t, 3> groups, double cost, std::uint32_t block = 0) {
       args.schedule.dispatch(pipeline, ranges,
                              PairGradientParameters{first_node, edges, block, first_pair > 0 ? 1u : 0u},
@@ -393,31 +341,30 @@ class PairGradientKernel : public Kernel {
 
     messages_.record_order(args, run, index, positions, m.keys, m.order);
     if (!saved_) messages_.record(args, run, features, index, positions, m.order, m.messages, m.rare);
-    args.schedule.dispatch(*node_pipeline_,
+    args.schedule.dispatch(node_pipeline_,
                            {features, m.messages, weights_.of(args), grad_output, m.record, m.d_messages},
                            run, {nodes, 1, 1}, 12.0 * messages_.stride() * edges);
     std::uint32_t channels = 0;
     for (const auto& [d, c] : fiber_) channels = std::max(channels, number(c));
-    dispatch(*turn_pipeline_, {features, m.order, positions, m.d_messages, m.turned, m.d_turned},
+    dispatch(turn_pipeline_, {features, m.order, positions, m.d_messages, m.turned, m.d_turned},
              {groups, messages_.in_vectors() + channels, 1}, 20.0 * messages_.stride() * edges);
-    dispatch(*table_pipeline_,
+    dispatch(table_pipeline_,
              {m.order, positions, messages_.heads().of(args), messages_.rays().of(args),
               messages_.sectors().of(args), m.factors, m.ids},
              {groups, tables + 1, 1}, 100.0 * tables * edges);
     for (const KindParts& kind : kinds_)
-      dispatch(*kind.pipeline,
+      dispatch(kind.pipeline,
                {m.turned, m.d_turned, m.factors, m.ids, messages_.sectors().of(args),
                 messages_.heads().of(args), blocks_.of(args), m.d_coefficients, m.d_features, m.d_radial},
                {groups, kind.count, 1}, cost * kind.count / 4, kind.first);
-    dispatch(*edge_pipeline_,
+    dispatch(edge_pipeline_,
              {m.order, positions, m.messages, m.d_messages, m.turned, m.d_features, m.d_radial,
               firsts_.of(args), m.edges},
              {groups, 1, 1}, 30.0 * messages_.stride() * edges);
-    dispatch(*list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1}, 50.0 * edges * tables);
-    dispatch(*sum_pipeline_,
-             {m.begins, m.sector_lists, m.factors, m.d_coefficients, tables_.of(args), result},
+    dispatch(list_pipeline_, {m.ids, m.begins, m.sector_lists}, {tables, 1, 1}, 50.0 * edges * tables);
+    dispatch(sum_pipeline_, {m.begins, m.sector_lists, m.factors, m.d_coefficients, tables_.of(args), result},
              {sector_groups_, sum_units_, 1}, cost);
-    dispatch(*form_pipeline_,
+    dispatch(form_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
               result},
              {rounds(sectors_, work_group) + 1, tables, 1}, 50.0 * edges * tables);
@@ -442,7 +389,7 @@ class PairGradientKernel : public Kernel {
   struct KindParts {
     Kind kind;
     std::uint32_t first, count;
-    const Pipeline* pipeline;
+    PipelineOf<PairGradientParameters> pipeline = {};
   };
 
   const ops::Gradient<ops::PairAttention> gradient_;
@@ -460,15 +407,16 @@ class PairGradientKernel : public Kernel {
   std::vector<std::uint32_t> block_numbers_, firsts_numbers_, table_numbers_;
   std::vector<KindParts> kinds_;
   ConstantPart weights_, blocks_, firsts_, tables_, jobs_, places_;
-  const Pipeline *node_pipeline_ = nullptr, *turn_pipeline_ = nullptr, *table_pipeline_ = nullptr,
-                 *edge_pipeline_ = nullptr, *list_pipeline_ = nullptr, *sum_pipeline_ = nullptr,
-                 *form_pipeline_ = nullptr;
+  PipelineOf<PairParameters> node_pipeline_;
+  PipelineOf<PairGradientParameters> turn_pipeline_, table_pipeline_, edge_pipeline_, list_pipeline_,
+      sum_pipeline_, form_pipeline_;
   std::optional<ReverseNeighbours> lists_;
   std::optional<EdgeGather> features_, positions_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PairAttention>& op) {
   return std::make_unique<PairGradientKernel>(site, op);
 }

@@ -12,23 +12,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access order_bindings[] = {Access::read, Access::read, Access::modify, Access::write};
-constexpr Access message_bindings[] = {Access::read, Access::read, Access::read,   Access::constant,
-                                       Access::read, Access::read, Access::modify, Access::write};
-constexpr Access texel_message_bindings[] = {Access::read, Access::read,   Access::texels, Access::constant,
-                                             Access::read, Access::texels, Access::modify, Access::write};
-constexpr Access network_bindings[] = {Access::read, Access::read, Access::read,  Access::constant,
-                                       Access::read, Access::read, Access::write, Access::read};
-constexpr Shader order_shader{"pair_order", spirv::pair_order, order_bindings, sizeof(PairParameters), 3};
-constexpr Shader message_shader{"pair_messages", spirv::pair_messages, message_bindings,
-                                sizeof(PairParameters), 17};
-constexpr Shader texel_message_shader{"pair_messages_texels", spirv::pair_messages_texels,
-                                      texel_message_bindings, sizeof(PairParameters), 17};
-constexpr Shader shared_message_shader{"pair_messages_shuffle", spirv::pair_messages_shuffle,
-                                       message_bindings, sizeof(PairParameters), 17};
-constexpr Shader network_shader{"pair_networks", spirv::pair_networks, network_bindings,
-                                sizeof(PairParameters), 17};
-
 constexpr std::uint32_t work_group = 32;
 constexpr std::uint32_t ordered_edges = 4096;   // by a work group
 constexpr std::uint32_t wide_work_group = 128;  // for pair_networks where loops would be too long for 32
@@ -62,13 +45,13 @@ PairMessages::PairMessages(const KernelContext& site, const ops::PairAttention& 
                                               std::to_string(capabilities_.storage_range));
   check_loops();
   choose_network_edges();
-  order_pipeline_ = &site.context.pipeline(order_shader, std::array{work_group, k_, ordered_edges});
-  message_pipeline_ = &site.context.pipeline(capabilities_.texels    ? texel_message_shader
-                                             : capabilities_.shuffle ? shared_message_shader
-                                                                     : message_shader,
-                                             layer_sizes(std::array{work_group, k_, 0u}));
+  order_pipeline_ = site.context.pipeline(shaders::pair_order, std::array{work_group, k_, ordered_edges});
+  message_pipeline_ = site.context.pipeline(capabilities_.texels    ? shaders::pair_messages_texels
+                                            : capabilities_.shuffle ? shaders::pair_messages_shuffle
+                                                                    : shaders::pair_messages,
+                                            layer_sizes(std::array{work_group, k_, 0u}));
   network_pipeline_ =
-      &site.context.pipeline(network_shader, layer_sizes({network_lanes_, k_, network_edges_}));
+      site.context.pipeline(shaders::pair_networks, layer_sizes({network_lanes_, k_, network_edges_}));
 }
 
 std::vector<Eigen::MatrixXd> PairMessages::weights() const {
@@ -146,7 +129,7 @@ std::uint32_t PairMessages::in_vectors() const {
 void PairMessages::record_order(const Arguments& args, const PairParameters& run, const Range& index,
                                 const Range& positions, const Range& keys, const Range& order) const {
   const std::uint32_t edges = run.nodes * k_;
-  args.schedule.dispatch(*order_pipeline_, {index, positions, keys, order}, run,
+  args.schedule.dispatch(order_pipeline_, {index, positions, keys, order}, run,
                          {rounds(edges, ordered_edges), 1, 1}, 200.0 * edges);
 }
 
@@ -156,10 +139,10 @@ void PairMessages::record(const Arguments& args, const PairParameters& run, cons
   const std::uint32_t edges = run.nodes * k_;
   const Range heads = heads_.of(args), rays = rays_.of(args), sectors = sectors_.of(args);
   const double cost = 10.0 * op_.coefficient_count * edges;
-  args.schedule.dispatch(*message_pipeline_,
+  args.schedule.dispatch(message_pipeline_,
                          {features, order, positions, heads, rays, sectors, messages, rare}, run,
                          {rounds(edges, work_group), 1, 1}, cost);
-  args.schedule.dispatch(*network_pipeline_,
+  args.schedule.dispatch(network_pipeline_,
                          {features, index, positions, heads, rays, sectors, messages, rare}, run,
                          {rounds(edges, network_edges_), 1, 1}, 10 * cost);
 }

@@ -56,7 +56,7 @@ class PairMessages {
   PairTables tables_;
   ConstantPart heads_, rays_, sectors_;
   std::uint32_t network_edges_ = 1, network_lanes_ = 32;
-  const Pipeline *order_pipeline_ = nullptr, *message_pipeline_ = nullptr, *network_pipeline_ = nullptr;
+  PipelineOf<PairParameters> order_pipeline_, message_pipeline_, network_pipeline_;
 };
 
 /// Throws Failure (`unsupported`) if a work group of a two-sided layer would take more than every device has.

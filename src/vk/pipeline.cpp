@@ -30,8 +30,8 @@ VkDescriptorType descriptor_type(Access access) {
                                     : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
 }
 
-const Pipeline& Context::pipeline(const Shader& shader,
-                                  std::span<const std::uint32_t> specializations) const {
+const Pipeline& Context::find_pipeline(const Shader& shader,
+                                       std::span<const std::uint32_t> specializations) const {
   const std::lock_guard lock(pipelines_mutex_);
   const std::pair key(&shader, std::vector<std::uint32_t>(specializations.begin(), specializations.end()));
   if (const auto found = pipelines_.find(key); found != pipelines_.end()) return found->second;

@@ -4,22 +4,10 @@
 #include "point_attention.spv.hpp"
 #include "point_attention_texels.spv.hpp"
 #include "vk/point_attention_gradient.hpp"
+#include "vk/point_flags.hpp"
 
 namespace bitr::vk {
 namespace {
-
-constexpr Access bindings[] = {Access::read, Access::read,  Access::read,     Access::read, Access::read,
-                               Access::read, Access::write, Access::constant, Access::write};
-constexpr Access texel_bindings[] = {Access::texels, Access::read,     Access::texels,
-                                     Access::texels, Access::read,     Access::read,
-                                     Access::write,  Access::constant, Access::write};
-constexpr Shader shader{"point_attention", spirv::point_attention, bindings, sizeof(PointParameters), 9};
-constexpr Shader texel_shader{"point_attention_texels", spirv::point_attention_texels, texel_bindings,
-                              sizeof(PointParameters), 9};
-
-// FLAGS of the shader.
-constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
-                        relu_square = 32, keeps_sums = 64;
 
 // Bytes of sums saved for the gradient, which makes them again where there are more.
 constexpr std::size_t most_saved = std::size_t{64} << 20;
@@ -38,7 +26,9 @@ class PointAttentionKernel : public Kernel {
       for (const auto* matrix : {&op.M0, &op.O0, &op.S0, &op.Mz0, &op.Oz0}) add_constants(*matrix);
     if (constants().empty()) add_constant(0.0);
     pad_constants(4);
-    pipeline_ = &site.context.pipeline(capabilities_.texels ? texel_shader : shader, specializations(site));
+    pipeline_ = site.context.pipeline(
+        capabilities_.texels ? shaders::point_attention_texels : shaders::point_attention,
+        specializations(site));
   }
 
   std::size_t saved_bytes(const graph::BatchLayout& layout) const override {
@@ -54,7 +44,7 @@ class PointAttentionKernel : public Kernel {
          tile_runs(table, capabilities_, cost,
                    std::max(row_bytes_, sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row)))) {
       const Range rows = rows_of(result.range, row_bytes_, run);
-      args.schedule.dispatch(*pipeline_,
+      args.schedule.dispatch(pipeline_,
                              {features.range, rows_of(index, run), args.in[2].range, args.in[3].range,
                               op_.per_cloud ? args.in[4].range : features.range, table.tiles, rows,
                               args.constants, saves_ ? args.saved : rows},
@@ -66,10 +56,6 @@ class PointAttentionKernel : public Kernel {
  private:
   std::array<std::uint32_t, 9> specializations(const KernelContext& site) const {
     const ops::PointAttention& op = op_;
-    const std::uint32_t flags = (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) |
-                                (op.per_cloud ? per_cloud : 0u) | (op.relu ? relu : 0u) |
-                                (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
-                                (saves_ ? keeps_sums : 0u);
     return {tile_rows,
             number(site.in[1].per_row),
             number(op.c0),
@@ -77,12 +63,12 @@ class PointAttentionKernel : public Kernel {
             number(op.m0),
             number(op.m1),
             number(op.heads),
-            flags,
+            point_flags(op) | (saves_ ? POINT_KEEP : 0),
             static_cast<std::uint32_t>(constants().size() / 4)};
   }
 
   const ops::PointAttention op_;
-  const Pipeline* pipeline_ = nullptr;
+  PipelineOf<PointParameters> pipeline_;
   const Capabilities& capabilities_;
   const std::size_t row_bytes_;  // bytes of a row of the result
   const graph::Rows rows_;
@@ -91,6 +77,7 @@ class PointAttentionKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::PointAttention& op) {
   return std::make_unique<PointAttentionKernel>(site, op);
 }

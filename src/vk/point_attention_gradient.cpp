@@ -9,43 +9,18 @@
 #include "point_attention_sums_texels.spv.hpp"
 #include "vk/memory.hpp"
 #include "vk/outer_sums.hpp"
+#include "vk/point_flags.hpp"
 #include "vk/reverse_neighbours.hpp"
 
 namespace bitr::vk {
 namespace {
-
-constexpr Access sum_bindings[] = {Access::read, Access::read, Access::read,   Access::read,    Access::read,
-                                   Access::read, Access::read, Access::modify, Access::constant};
-constexpr Access texel_sum_bindings[] = {Access::texels, Access::read,   Access::texels,
-                                         Access::texels, Access::read,   Access::read,
-                                         Access::texels, Access::modify, Access::constant};
-constexpr Access gradient_bindings[] = {Access::read,   Access::read,  Access::read,
-                                        Access::read,   Access::read,  Access::read,
-                                        Access::modify, Access::write, Access::constant};
-constexpr Access texel_gradient_bindings[] = {Access::texels, Access::read,  Access::texels,
-                                              Access::texels, Access::read,  Access::read,
-                                              Access::modify, Access::write, Access::constant};
-constexpr Shader sum_shader{"point_attention_sums", spirv::point_attention_sums, sum_bindings,
-                            sizeof(PointGradientParameters), 9};
-constexpr Shader texel_sum_shader{"point_attention_sums_texels", spirv::point_attention_sums_texels,
-                                  texel_sum_bindings, sizeof(PointGradientParameters), 9};
-constexpr Shader gradient_shader{"point_attention_gradient", spirv::point_attention_gradient,
-                                 gradient_bindings, sizeof(PointGradientParameters), 9};
-constexpr Shader texel_gradient_shader{"point_attention_gradient_texels",
-                                       spirv::point_attention_gradient_texels, texel_gradient_bindings,
-                                       sizeof(PointGradientParameters), 9};
-
-// FLAGS of the shaders.
-constexpr std::uint32_t uniform = 1, direction = 2, per_cloud = 4, relu = 8, vector_keys = 16,
-                        relu_square = 32, zero_edges = 64, constant_feature = 128, wants_features = 256,
-                        wants_centres = 512, kept_sums = 1024;
 
 constexpr std::uint32_t listed_tiles = 32;
 constexpr std::size_t cached_rows = 4096 + 63;
 
 std::uint32_t quads(int n) { return padded(n) / 4; }
 
-// What is kept of a row, in vec4s (common/point_layer.glsl).
+// What is kept of a row, in vec4s (common/point_record.glsl).
 struct Record {
   explicit Record(const ops::PointAttention& op) {
     const int heads = op.heads, n0 = op.n0(), n1 = op.m1 > 0 ? op.n1() : 0, z0 = op.c0 + 1,
@@ -86,6 +61,9 @@ struct Record {
     return result;
   }
 };
+
+// One for all tiles, and one for those that have edges of length zero.
+using Pipelines = std::array<PipelineOf<PointGradientParameters>, 2>;
 
 class PointGradientKernel : public Kernel {
  public:
@@ -212,11 +190,9 @@ class PointGradientKernel : public Kernel {
 
   void make_pipelines(const Context& context) {
     const ops::PointAttention& op = op_;
-    const std::uint32_t flags =
-        (op.uniform ? uniform : 0u) | (op.direction ? direction : 0u) | (op.per_cloud ? per_cloud : 0u) |
-        (op.relu ? relu : 0u) | (op.M1.size() > 0 ? vector_keys : 0u) | (op.relu_square ? relu_square : 0u) |
-        (slots_.constant ? constant_feature : 0u) | (slots_.d_features >= 0 ? wants_features : 0u) |
-        (slots_.d_centres >= 0 ? wants_centres : 0u);
+    const std::uint32_t flags = point_flags(op) | (slots_.constant ? POINT_CONSTANT : 0) |
+                                (slots_.d_features >= 0 ? POINT_FEATURES : 0) |
+                                (slots_.d_centres >= 0 ? POINT_CENTRES : 0);
     for (const bool zero : {false, true}) {
       const auto sizes = std::array{tile_rows,
                                     k_,
@@ -225,13 +201,15 @@ class PointGradientKernel : public Kernel {
                                     number(op.m0),
                                     number(op.m1),
                                     number(op.heads),
-                                    flags | (zero     ? zero_edges
-                                             : saved_ ? kept_sums
-                                                      : 0u),
+                                    flags | (zero     ? POINT_ZERO
+                                             : saved_ ? POINT_KEPT
+                                                      : 0),
                                     static_cast<std::uint32_t>(weights_.bytes / 16)};
-      sum_pipelines_[zero] = &context.pipeline(capabilities_.texels ? texel_sum_shader : sum_shader, sizes);
-      gradient_pipelines_[zero] =
-          &context.pipeline(capabilities_.texels ? texel_gradient_shader : gradient_shader, sizes);
+      sum_pipelines_[zero] = context.pipeline(
+          capabilities_.texels ? shaders::point_attention_sums_texels : shaders::point_attention_sums, sizes);
+      gradient_pipelines_[zero] = context.pipeline(
+          capabilities_.texels ? shaders::point_attention_gradient_texels : shaders::point_attention_gradient,
+          sizes);
     }
     if (!products_.empty())
       products_.make_pipelines(context, layout_.size, layout_.state, slots_.d_coefficients >= 0);
@@ -323,15 +301,15 @@ class PointGradientKernel : public Kernel {
     const double cost = k_ * (10.0 + op_.heads) * (op_.n0() + 3 * op_.n1());
     const auto most =
         static_cast<std::uint32_t>(std::clamp(most_cost / (5 * cost * tile_rows), 1.0, 65535.0));
-    const auto dispatch = [&](const Pipeline* const(&pipelines)[2],
-                              std::array<const std::vector<Range>*, 2> ranges, double factor) {
+    const auto dispatch = [&](const Pipelines& pipelines, std::array<const std::vector<Range>*, 2> ranges,
+                              double factor) {
       for (std::uint32_t first = 0; first < rows.count; first += most) {
         const std::uint32_t tiles = std::min(rows.count - first, most);
         const PointGradientParameters parameters{rows.first + first, tiles, rows.first_row};
-        args.schedule.dispatch(*pipelines[0], *ranges[0], parameters, {tiles, 1, 1},
+        args.schedule.dispatch(pipelines[0], *ranges[0], parameters, {tiles, 1, 1},
                                factor * cost * tiles * tile_rows);
         // Tiles that have edges of length zero, once more.
-        args.schedule.dispatch(*pipelines[1], *ranges[1], parameters,
+        args.schedule.dispatch(pipelines[1], *ranges[1], parameters,
                                {(tiles + listed_tiles - 1) / listed_tiles, 1, 1}, factor * cost * tiles);
       }
     };
@@ -352,7 +330,7 @@ class PointGradientKernel : public Kernel {
   const graph::Rows rows_, points_;
   OuterSums products_;
   Part weights_{}, jobs_{}, places_{};
-  const Pipeline *sum_pipelines_[2] = {}, *gradient_pipelines_[2] = {};
+  Pipelines sum_pipelines_, gradient_pipelines_;
   std::optional<ReverseNeighbours> lists_;
   std::optional<EdgeGather> features_, centres_;
 };
@@ -369,6 +347,7 @@ KernelPtr make_point_gradient(const KernelContext& site, const ops::PointAttenti
   return std::make_unique<PointGradientKernel>(site, op, slots);
 }
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::PointAttention>& op) {
   if (op.grad_input_at(3) >= 0)
     throw Failure(ErrorCode::unsupported, "gradients with respect to points run on the CPU only");

@@ -4,13 +4,10 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::write};
-constexpr Shader shader{"pose", spirv::pose, bindings, sizeof(SegmentParameters), 1};
-
 class ProjectPoseKernel : public Kernel {
  public:
   explicit ProjectPoseKernel(const KernelContext& site)
-      : pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {}
+      : pipeline_(site.context.pipeline(shaders::pose, std::array{tile_rows})) {}
 
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs();
@@ -19,11 +16,12 @@ class ProjectPoseKernel : public Kernel {
   }
 
  private:
-  const Pipeline& pipeline_;
+  PipelineOf<SegmentParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::ProjectPose&) {
   return std::make_unique<ProjectPoseKernel>(site);
 }

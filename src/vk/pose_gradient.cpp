@@ -5,13 +5,10 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Shader shader{"pose_gradient", spirv::pose_gradient, bindings, sizeof(SegmentParameters), 1};
-
 class ProjectPoseGradient : public Kernel {
  public:
   ProjectPoseGradient(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op)
-      : op_(op), pipeline_(site.context.pipeline(shader, std::array{tile_rows})) {
+      : op_(op), pipeline_(site.context.pipeline(shaders::pose_gradient, std::array{tile_rows})) {
     if (op.grad_output_at(0) < 0 || op.grad_input_at(0) < 0)
       throw Failure(ErrorCode::internal, "a pose's gradient that nothing needs");
   }
@@ -26,11 +23,12 @@ class ProjectPoseGradient : public Kernel {
 
  private:
   const ops::Gradient<ops::ProjectPose> op_;
-  const Pipeline& pipeline_;
+  PipelineOf<SegmentParameters> pipeline_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::ProjectPose>& op) {
   return std::make_unique<ProjectPoseGradient>(site, op);
 }

@@ -15,30 +15,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access clear_bindings[] = {Access::write};
-constexpr Access count_bindings[] = {Access::read, Access::modify, Access::write};
-constexpr Access scan_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Access fill_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Access sort_bindings[] = {Access::read, Access::read, Access::read, Access::write};
-constexpr Access gather_bindings[] = {Access::read, Access::read, Access::read, Access::read,
-                                      Access::read, Access::read, Access::write};
-constexpr Access texel_gather_bindings[] = {Access::read,   Access::read, Access::read, Access::texels,
-                                            Access::texels, Access::read, Access::write};
-constexpr Shader clear_shader{"reverse_neighbours_clear", spirv::reverse_neighbours_clear, clear_bindings,
-                              sizeof(EdgeParameters), 1};
-constexpr Shader count_shader{"reverse_neighbours_count", spirv::reverse_neighbours_count, count_bindings,
-                              sizeof(EdgeParameters), 1};
-constexpr Shader scan_shader{"reverse_neighbours_scan", spirv::reverse_neighbours_scan, scan_bindings,
-                             sizeof(SegmentParameters), 2};
-constexpr Shader fill_shader{"reverse_neighbours_fill", spirv::reverse_neighbours_fill, fill_bindings,
-                             sizeof(EdgeParameters), 1};
-constexpr Shader sort_shader{"reverse_neighbours_sort", spirv::reverse_neighbours_sort, sort_bindings,
-                             sizeof(EdgeParameters), 1};
-constexpr Shader gather_shader{"gather_edges", spirv::gather_edges, gather_bindings, sizeof(GatherParameters),
-                               9};
-constexpr Shader texel_gather_shader{"gather_edges_texels", spirv::gather_edges_texels, texel_gather_bindings,
-                                     sizeof(GatherParameters), 9};
-
 constexpr std::uint32_t work_group = 128;
 
 std::uint32_t part(const EdgeGather::Shape& shape) { return std::min(shape.width / 4, 4u); }
@@ -49,11 +25,11 @@ std::size_t list_bytes(std::size_t count) { return scratch_aligned(sizeof(std::u
 ReverseNeighbours::ReverseNeighbours(const Context& context, int k)
     : capabilities_(context.capabilities()),
       k_(static_cast<std::uint32_t>(k)),
-      clear_(&context.pipeline(clear_shader, std::array{work_group})),
-      count_(&context.pipeline(count_shader, std::array{work_group})),
-      scan_(&context.pipeline(scan_shader, std::array{work_group, k_})),
-      fill_(&context.pipeline(fill_shader, std::array{work_group})),
-      sort_(&context.pipeline(sort_shader, std::array{work_group})) {}
+      clear_(context.pipeline(shaders::reverse_neighbours_clear, std::array{work_group})),
+      count_(context.pipeline(shaders::reverse_neighbours_count, std::array{work_group})),
+      scan_(context.pipeline(shaders::reverse_neighbours_scan, std::array{work_group, k_})),
+      fill_(context.pipeline(shaders::reverse_neighbours_fill, std::array{work_group})),
+      sort_(context.pipeline(shaders::reverse_neighbours_sort, std::array{work_group})) {}
 
 std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbors) const {
   return 2 * list_bytes(neighbors) + 2 * list_bytes(rows * k_);
@@ -72,7 +48,8 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, gr
               places = scratch.sub(2 * list_bytes(count), sizeof(std::uint32_t) * edges),
               unsorted = scratch.sub(2 * list_bytes(count) + list_bytes(edges), places.size);
   if (!args.make_lists) return {begins, counts, places};
-  const auto all = [&](const Pipeline& pipeline, std::uint32_t items, const std::vector<Range>& ranges) {
+  const auto all = [&](PipelineOf<EdgeParameters> pipeline, std::uint32_t items,
+                       const std::vector<Range>& ranges) {
     const std::uint32_t most = capabilities_.groups * work_group;
     for (std::uint32_t first = 0; first < items; first += most) {
       const std::uint32_t end = items - first > most ? first + most : items;
@@ -80,32 +57,33 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, gr
                              {(end - first + work_group - 1) / work_group, 1, 1}, 30.0 * (end - first));
     }
   };
-  all(*clear_, count, {counts});
-  all(*count_, edges, {index.range, counts, places});
+  all(clear_, count, {counts});
+  all(count_, edges, {index.range, counts, places});
   const std::uint32_t segments = args.layout.segments(neighbors);
   for (std::uint32_t first = 0; first < segments; first += capabilities_.groups)
-    args.schedule.dispatch(*scan_,
+    args.schedule.dispatch(scan_,
                            {counts, args.tables.of(neighbors).offsets, args.tables.of(rows).offsets, begins},
                            SegmentParameters{first, segments},
                            {std::min(segments - first, capabilities_.groups), 1, 1}, 10.0 * count);
-  all(*fill_, edges, {index.range, begins, places, unsorted});
+  all(fill_, edges, {index.range, begins, places, unsorted});
   // The places are not needed any more: the sorted lists take theirs.
-  all(*sort_, count, {begins, counts, unsorted, places});
+  all(sort_, count, {begins, counts, unsorted, places});
   return {begins, counts, places};
 }
 
 EdgeGather::EdgeGather(const Context& context, const Shape& shape)
     : shape_(shape),
-      pipeline_(&context.pipeline(context.capabilities().texels ? texel_gather_shader : gather_shader,
-                                  std::array{tile_rows, shape.width / 4, shape.record, shape.own,
-                                             (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) |
-                                                 (shape.both_ends > 0 ? 4u : 0u),
-                                             shape.edge, shape.at, shape.both_ends, part(shape)})) {}
+      pipeline_(context.pipeline(
+          context.capabilities().texels ? shaders::gather_edges_texels : shaders::gather_edges,
+          std::array{
+              tile_rows, shape.width / 4, shape.record, shape.own,
+              (shape.has_own ? 1u : 0u) | (shape.has_edges ? 2u : 0u) | (shape.both_ends > 0 ? 4u : 0u),
+              shape.edge, shape.at, shape.both_ends, part(shape)})) {}
 
 void EdgeGather::record(const Arguments& args, const Run& run, const EdgeLists& lists, const Range& edges,
                         const Range& record, const RowTable& table, const Range& result) const {
   if (run.tiles == 0) return;
-  args.schedule.dispatch(*pipeline_,
+  args.schedule.dispatch(pipeline_,
                          {lists.begins, lists.counts, lists.list, edges, record, table.tiles, result},
                          GatherParameters{run.first_tile, run.first_row, run.first_edge},
                          {run.tiles, (shape_.width / 4 + part(shape_) - 1) / part(shape_), 1},

@@ -22,7 +22,9 @@ class ReverseNeighbours {
  private:
   const Capabilities& capabilities_;
   std::uint32_t k_;
-  const Pipeline *clear_, *count_, *scan_, *fill_, *sort_;
+  PipelineOf<EdgeParameters> clear_, count_;
+  PipelineOf<SegmentParameters> scan_;
+  PipelineOf<EdgeParameters> fill_, sort_;
 };
 
 /// Adds up what the edges from each row send, behind what the row's record holds.
@@ -48,7 +50,7 @@ class EdgeGather {
 
  private:
   Shape shape_;
-  const Pipeline* pipeline_;
+  PipelineOf<GatherParameters> pipeline_;
 };
 
 }  // namespace bitr::vk

@@ -6,14 +6,12 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access bindings[] = {Access::read, Access::write};
-constexpr Shader shader{"row_sums", spirv::row_sums, bindings, sizeof(RowSumParameters), 1};
-
 constexpr std::uint32_t most_rows = 65534;
 
 }  // namespace
 
-RowSums::RowSums(const Context& context) : pipeline_(context.pipeline(shader, std::array{tile_rows})) {}
+RowSums::RowSums(const Context& context)
+    : pipeline_(context.pipeline(shaders::row_sums, std::array{tile_rows})) {}
 
 void RowSums::record(Schedule& schedule, const Range& addends, std::uint32_t rows, const Range& sum) const {
   if (rows > most_rows)

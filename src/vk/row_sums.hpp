@@ -12,7 +12,7 @@ class RowSums {
   void record(Schedule& schedule, const Range& addends, std::uint32_t rows, const Range& sum) const;
 
  private:
-  const Pipeline& pipeline_;
+  PipelineOf<RowSumParameters> pipeline_;
 };
 
 }  // namespace bitr::vk

@@ -23,10 +23,12 @@ bool Dispatch::writes(std::size_t i) const {
   return access == Access::write || access == Access::modify;
 }
 
-void Schedule::add(Dispatch work, std::size_t push_bytes) {
+void Schedule::add(Dispatch work) {
   const Shader& shader = *work.pipeline->shader;
-  if (push_bytes != shader.push_bytes || work.ranges.size() != shader.bindings.size())
-    throw Failure(ErrorCode::internal, std::string(shader.name) + ": bindings or parameters do not match it");
+  if (work.ranges.size() != shader.bindings.size())
+    throw Failure(ErrorCode::internal, std::string(shader.name) + ": " + std::to_string(work.ranges.size()) +
+                                           " ranges for " + std::to_string(shader.bindings.size()) +
+                                           " bindings");
   if (const std::uint32_t most = *std::max_element(work.groups.begin(), work.groups.end());
       most > most_groups_)
     throw Failure(ErrorCode::internal, std::string(shader.name) + ": " + std::to_string(most) +

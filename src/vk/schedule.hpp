@@ -8,6 +8,8 @@
 #include <optional>
 #include <string>
 #include <tuple>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "graph/counters.hpp"
@@ -54,17 +56,17 @@ class Schedule {
   explicit Schedule(std::uint32_t groups = 65535) : most_groups_(groups) {}
 
   template <class Parameters>
-  void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, const Parameters& parameters,
-                std::array<std::uint32_t, 3> groups, double cost) {
-    static_assert(sizeof(Parameters) <= 128);
-    Dispatch work{&pipeline, std::move(ranges), {}, groups, cost, node_};
-    std::memcpy(work.push.data(), &parameters, sizeof parameters);
-    add(std::move(work), sizeof parameters);
+  void dispatch(PipelineOf<Parameters> pipeline, std::vector<Range> ranges,
+                const std::type_identity_t<Parameters>& parameters, std::array<std::uint32_t, 3> groups,
+                double cost) {
+    Dispatch work{&*pipeline, std::move(ranges), {}, groups, cost, node_};
+    std::memcpy(work.push.data(), &parameters, push_bytes_of<Parameters>);
+    add(std::move(work));
   }
   /// Dispatches a shader without parameters.
-  void dispatch(const Pipeline& pipeline, std::vector<Range> ranges, std::array<std::uint32_t, 3> groups,
-                double cost) {
-    add({&pipeline, std::move(ranges), {}, groups, cost, node_}, 0);
+  void dispatch(PipelineOf<NoParameters> pipeline, std::vector<Range> ranges,
+                std::array<std::uint32_t, 3> groups, double cost) {
+    dispatch(pipeline, std::move(ranges), NoParameters{}, groups, cost);
   }
   void copy(const Range& from, const Range& to);
 
@@ -77,7 +79,7 @@ class Schedule {
   void shuffle(std::uint64_t seed);
 
  private:
-  void add(Dispatch work, std::size_t push_bytes);
+  void add(Dispatch work);
   std::vector<Dispatch> dispatches_;
   int node_ = -1;
   std::uint32_t most_groups_;

@@ -17,21 +17,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access balance_bindings[] = {Access::read,   Access::read,   Access::read, Access::read,
-                                       Access::modify, Access::modify, Access::read};
-constexpr Shader balance_basic{"sinkhorn", spirv::sinkhorn, balance_bindings, sizeof(SinkhornParameters), 3};
-constexpr Shader balance_shuffle{"sinkhorn_shuffle", spirv::sinkhorn_shuffle, balance_bindings,
-                                 sizeof(SinkhornParameters), 3};
-constexpr Access stop_bindings[] = {Access::read, Access::read, Access::modify};
-constexpr Shader stop_shader{"sinkhorn_stop", spirv::sinkhorn_stop, stop_bindings, sizeof(SinkhornParameters),
-                             1};
-constexpr Access moments_bindings[] = {Access::read, Access::read, Access::read, Access::read,
-                                       Access::read, Access::read, Access::read, Access::write};
-constexpr Shader moments_basic{"transport_moments", spirv::transport_moments, moments_bindings,
-                               sizeof(SinkhornParameters), 2};
-constexpr Shader moments_shuffle{"transport_moments_shuffle", spirv::transport_moments_shuffle,
-                                 moments_bindings, sizeof(SinkhornParameters), 2};
-
 // Lanes of a work group, which takes a block.
 constexpr std::uint32_t lanes = 64;
 static_assert(lanes == Sinkhorn::block);
@@ -135,10 +120,10 @@ void Sinkhorn::by_tiles(std::size_t tiles, const Record& record) const {
 }
 
 void Sinkhorn::add_iteration(Schedule& schedule, std::uint32_t iteration) const {
-  const Shader& shader = context_.capabilities().shuffle ? balance_shuffle : balance_basic;
-  const Pipeline& stop = context_.pipeline(stop_shader, std::array{lanes});
+  const auto& shader = context_.capabilities().shuffle ? shaders::sinkhorn_shuffle : shaders::sinkhorn;
+  const auto stop = context_.pipeline(shaders::sinkhorn_stop, std::array{lanes});
   for (const std::size_t side : {0, 1}) {
-    const Pipeline& balance =
+    const auto balance =
         context_.pipeline(shader, std::array{lanes, std::uint32_t{normals_}, std::uint32_t{side == 0}});
     by_tiles(side == 0 ? source_tiles_ : reference_tiles_, [&](std::uint32_t first, std::uint32_t count) {
       schedule.dispatch(balance,
@@ -176,9 +161,9 @@ void Sinkhorn::run(int most_iterations) {
     going = false;
     for (std::size_t p = 0; p < problems_.size(); ++p) going = going || iterations(p) == most_iterations;
   }
-  const Pipeline& moments =
-      context_.pipeline(context_.capabilities().shuffle ? moments_shuffle : moments_basic,
-                        std::array{lanes, std::uint32_t{normals_}});
+  const auto moments = context_.pipeline(
+      context_.capabilities().shuffle ? shaders::transport_moments_shuffle : shaders::transport_moments,
+      std::array{lanes, std::uint32_t{normals_}});
   by_tiles(source_tiles_, [&](std::uint32_t first, std::uint32_t count) {
     schedule.dispatch(
         moments,

@@ -9,20 +9,15 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access chunk_bindings[] = {Access::read, Access::read, Access::read, Access::read, Access::write};
-constexpr Shader chunk_shader{"softmax_sum", spirv::softmax_sum, chunk_bindings, sizeof(PointParameters), 7};
-constexpr Access combine_bindings[] = {Access::read, Access::read, Access::write};
-constexpr Shader combine_shader{"softmax_sum_combine", spirv::softmax_sum_combine, combine_bindings,
-                                sizeof(SegmentParameters), 4};
-
 constexpr std::uint32_t chunk_rows = 128;
 constexpr std::size_t partial_bytes = 8 * sizeof(float);
 
 // The sums of one values tensor.
 struct WeightedSum {
-  const Pipeline *chunks, *combine;
-  std::uint32_t items;  ///< channels × vec4s of columns
-  std::uint32_t parts;  ///< in so many a chunk is summed
+  std::uint32_t items;      ///< channels × vec4s of columns
+  std::uint32_t parts = 1;  ///< in so many a chunk is summed
+  PipelineOf<PointParameters> chunks = {};
+  PipelineOf<SegmentParameters> combine = {};
 };
 
 class SoftmaxSumKernel : public Kernel {
@@ -32,15 +27,15 @@ class SoftmaxSumKernel : public Kernel {
     const auto channels = static_cast<std::uint32_t>(op.channels);
     for (std::size_t i = 0; i < op.skip.size(); ++i) {
       const auto columns = static_cast<std::uint32_t>(site.out[i].width);
-      WeightedSum sum{nullptr, nullptr, channels * padded(site.out[i].width) / 4, 1};
+      WeightedSum sum{channels * padded(site.out[i].width) / 4};
       // As many as keep a work group's invocations busy.
       while (sum.parts < 16 && 2 * sum.parts * sum.items <= tile_rows) sum.parts *= 2;
-      sum.chunks = &site.context.pipeline(
-          chunk_shader,
+      sum.chunks = site.context.pipeline(
+          shaders::softmax_sum,
           std::array{tile_rows, channels, padded(site.in[0].width), padded(site.in[i + 1].width),
                      static_cast<std::uint32_t>(op.skip[i]), columns, sum.parts});
-      sum.combine =
-          &site.context.pipeline(combine_shader, std::array{tile_rows, channels, columns, sum.parts});
+      sum.combine = site.context.pipeline(shaders::softmax_sum_combine,
+                                          std::array{tile_rows, channels, columns, sum.parts});
       sums_.push_back(sum);
     }
   }
@@ -63,7 +58,7 @@ class SoftmaxSumKernel : public Kernel {
     for (std::size_t i = 0; i < sums_.size(); ++i) {
       const double cost = 24.0 * sums_[i].items;
       for (const TileRun& run : tile_runs(points, capabilities_, cost, logit_bytes_, chunk_rows))
-        args.schedule.dispatch(*sums_[i].chunks,
+        args.schedule.dispatch(sums_[i].chunks,
                                {rows_of(args.in[0].range, logit_bytes_, run, chunk_rows),
                                 args.in[i + 1].range, points.tiles, points.offsets, partials[i]},
                                PointParameters{run.first, run.first_row}, {run.count, 1, 1},
@@ -72,7 +67,7 @@ class SoftmaxSumKernel : public Kernel {
     const std::uint32_t clouds = args.layout.clouds();
     for (std::size_t i = 0; i < sums_.size(); ++i)
       for (std::uint32_t first = 0; first < clouds; first += capabilities_.groups)
-        args.schedule.dispatch(*sums_[i].combine, {partials[i], points.offsets, args.out[i].range},
+        args.schedule.dispatch(sums_[i].combine, {partials[i], points.offsets, args.out[i].range},
                                SegmentParameters{first, clouds},
                                {sums_[i].items, std::min(clouds - first, capabilities_.groups), 1},
                                static_cast<double>(args.layout.rows(graph::Rows::point)) / chunk_rows *
@@ -93,6 +88,7 @@ class SoftmaxSumKernel : public Kernel {
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::SoftmaxSum& op) {
   return std::make_unique<SoftmaxSumKernel>(site, op);
 }

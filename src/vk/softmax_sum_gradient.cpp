@@ -9,14 +9,6 @@
 namespace bitr::vk {
 namespace {
 
-constexpr Access normaliser_bindings[] = {Access::read, Access::read, Access::write};
-constexpr Shader normaliser_shader{"softmax_normaliser", spirv::softmax_normaliser, normaliser_bindings,
-                                   sizeof(SegmentParameters), 2};
-constexpr Access bindings[] = {Access::read, Access::read, Access::read,   Access::read,
-                               Access::read, Access::read, Access::modify, Access::write};
-constexpr Shader shader{"softmax_sum_gradient", spirv::softmax_sum_gradient, bindings, sizeof(TileParameters),
-                        7};
-
 constexpr std::uint32_t work_group = 128;
 constexpr int most_channels = 1024, most_columns = 256;  // the shader's limits
 
@@ -27,7 +19,7 @@ class SoftmaxSumGradient : public Kernel {
  public:
   SoftmaxSumGradient(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op)
       : op_(op), capabilities_(site.context.capabilities()), stride_(padded(site.in[0].width)) {
-    normaliser_ = &site.context.pipeline(normaliser_shader, std::array{work_group, stride_});
+    normaliser_ = site.context.pipeline(shaders::softmax_normaliser, std::array{work_group, stride_});
     std::uint32_t added = 0;
     for (int i = 0; i < op.outputs; ++i) {
       const int columns = site.in[op.inputs + i].width;
@@ -43,10 +35,11 @@ class SoftmaxSumGradient : public Kernel {
       columns_.push_back(columns);
       pipelines_.push_back(
           (flags & (logits | values)) == 0
-              ? nullptr
-              : &site.context.pipeline(shader, std::array{tile_rows, number(op.op.channels), stride_,
-                                                          padded(site.in[i + 1].width), number(op.op.skip[i]),
-                                                          number(columns), flags}));
+              ? PipelineOf<TileParameters>{}
+              : site.context.pipeline(
+                    shaders::softmax_sum_gradient,
+                    std::array{tile_rows, number(op.op.channels), stride_, padded(site.in[i + 1].width),
+                               number(op.op.skip[i]), number(columns), flags}));
     }
   }
 
@@ -59,7 +52,7 @@ class SoftmaxSumGradient : public Kernel {
     const RowTable& points = args.tables.point;
     const std::uint32_t clouds = args.layout.clouds();
     for (std::uint32_t first = 0; first < clouds; first += capabilities_.groups)
-      args.schedule.dispatch(*normaliser_, {slots.in(0), points.offsets, args.scratch},
+      args.schedule.dispatch(normaliser_, {slots.in(0), points.offsets, args.scratch},
                              SegmentParameters{first, clouds},
                              {stride_ / 4, std::min(clouds - first, capabilities_.groups), 1},
                              20.0 * stride_ * static_cast<double>(args.layout.rows(graph::Rows::point)));
@@ -67,7 +60,7 @@ class SoftmaxSumGradient : public Kernel {
       if (!pipelines_[i]) continue;
       const double cost = op_.op.channels * (20.0 + 8.0 * columns_[i]);
       for (const TileRun& run : tile_runs(points, capabilities_, cost))
-        args.schedule.dispatch(*pipelines_[i],
+        args.schedule.dispatch(pipelines_[i],
                                {slots.in(0), args.scratch, points.tiles, slots.in(i + 1), slots.out(i),
                                 slots.grad_output(i), slots.grad_input(0), slots.grad_input(i + 1)},
                                TileParameters{run.first}, {run.count, 1, 1},
@@ -79,13 +72,14 @@ class SoftmaxSumGradient : public Kernel {
   const ops::Gradient<ops::SoftmaxSum> op_;
   const Capabilities& capabilities_;
   const std::uint32_t stride_;  // numbers of a row of logits
-  const Pipeline* normaliser_ = nullptr;
+  PipelineOf<SegmentParameters> normaliser_;
   std::vector<int> columns_;
-  std::vector<const Pipeline*> pipelines_;  // per values tensor; null: nothing to do
+  std::vector<PipelineOf<TileParameters>> pipelines_;  // per values tensor; null: nothing to do
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op) {
   return std::make_unique<SoftmaxSumGradient>(site, op);
 }

@@ -8,9 +8,6 @@ namespace bitr::vk {
 namespace {
 
 constexpr std::size_t most_terms = 6;
-constexpr Access bindings[] = {Access::read, Access::read, Access::read,  Access::read,
-                               Access::read, Access::read, Access::modify};
-constexpr Shader shader{"sum", spirv::sum, bindings, sizeof(ItemParameters), 3};
 
 constexpr VkDeviceSize item_bytes = 4 * sizeof(float);
 
@@ -19,8 +16,8 @@ class SumKernel : public Kernel {
   explicit SumKernel(const KernelContext& site) : capabilities_(site.context.capabilities()) {
     for (std::size_t first = 0; first < site.in.size(); first += most_terms) {
       const std::size_t count = std::min(most_terms, site.in.size() - first);
-      pipelines_.push_back(&site.context.pipeline(
-          shader, std::array{tile_rows, static_cast<std::uint32_t>(count), std::uint32_t{first > 0}}));
+      pipelines_.push_back(site.context.pipeline(
+          shaders::sum, std::array{tile_rows, static_cast<std::uint32_t>(count), std::uint32_t{first > 0}}));
     }
   }
 
@@ -38,18 +35,19 @@ class SumKernel : public Kernel {
         for (std::size_t t = 0; t < most_terms; ++t)
           ranges.push_back(args.in[std::min(i * most_terms + t, args.in.size() - 1)].range.sub(at, part));
         ranges.push_back(args.out[0].range.sub(at, part));
-        args.schedule.dispatch(*pipelines_[i], ranges, ItemParameters{items},
+        args.schedule.dispatch(pipelines_[i], ranges, ItemParameters{items},
                                {(items + tile_rows - 1) / tile_rows, 1, 1}, 4.0 * items);
       }
   }
 
  private:
   const Capabilities& capabilities_;
-  std::vector<const Pipeline*> pipelines_;
+  std::vector<PipelineOf<ItemParameters>> pipelines_;
 };
 
 }  // namespace
 
+template <>
 KernelPtr make_kernel(const KernelContext& site, const ops::Sum&) {
   return std::make_unique<SumKernel>(site);
 }

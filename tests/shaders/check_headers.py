@@ -1,16 +1,14 @@
-"""Checks every shader's header against its SPIR-V and against what src/vk declares, so that none of them drifts."""
+"""Checks what every shader's header says against its SPIR-V, and against the work groups that src/vk asks for."""
 
 import argparse
 import re
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-from shader_sources import KINDS, Problems, read_builds, read_declarations, read_header, read_parameters
+from shader_header import Problems, read_header
 from spirv_module import Module
 
-MOST_PUSH_BYTES, MOST_STORAGE_BUFFERS = 128, 8  # the least that Vulkan promises
+MOST_STORAGE_BUFFERS = 8  # the least that Vulkan promises
 
 
 def snake_case(name):
@@ -24,8 +22,7 @@ def check_bindings(header, plain, problems):
             problems.add(header.path, stated.line, f"binding {number}", "none, as in the shader", stated.name)
             continue
         buffer = buffers[number]
-        for what, expected, found in (("set", 0, buffer.descriptor_set), ("kind", buffer.kind, stated.kind),
-                                      ("element", buffer.element, stated.element)):
+        for what, expected, found in (("kind", buffer.kind, stated.kind), ("element", buffer.element, stated.element)):
             if expected != found:
                 problems.add(header.path, stated.line, f"binding {number}'s {what}", expected, found)
         if stated.name not in (names := set(map(snake_case, buffer.names))):
@@ -55,9 +52,6 @@ def check_specializations(header, plain, problems):
     for number in sorted(constants.keys() - range(len(header.specializations))):
         problems.add(header.path, header.spec_line, f"specialization constant {number}",
                      f"'{number} {' or '.join(constants[number][0])}'", "none in the header")
-    if plain.workgroup_specialization() != 0:
-        problems.add(header.path, header.spec_line, "work group size", "layout(local_size_x_id = 0) in the shader",
-                     f"id {plain.workgroup_specialization()}")
 
 
 def check_rest(header, plain, problems):
@@ -72,95 +66,57 @@ def check_rest(header, plain, problems):
         problems.add(header.path, header.loops_line, "precision", f"fp{max(wide)}, as in the shader", "fp32")
 
 
-def check_shipped(header, name, shipped, plain, problems):
-    """The optimised SPIR-V may lack what is not used; the rest is as the source has it."""
-    def facts(module):
-        yield from ((f"binding {number}", f"{b.kind} {b.element} of set {b.descriptor_set}")
-                    for number, b in module.bindings().items())
-        yield from ((f"specialization constant {number}'s default", default)
-                    for number, (_, default) in module.specializations().items())
-        yield from (("push constants' bytes", push[1]) for push in [module.push_constants()] if push)
-    source = dict(facts(plain))
-    for what, fact in facts(shipped):
-        if source.get(what) != fact:
-            problems.add(header.path, 1, f"{what} in {name}.spv (built from another source?)", source.get(what), fact)
+def read_group_sizes(folder):
+    """{name of a shader: work group sizes that a file of src/vk which names it asks for}."""
+    def numbers(text):
+        return {name: int(value) for name, value in re.findall(r"constexpr [\w:]+ (\w+) = (\d+);", text)}
+    shared = numbers((folder / "kernel.hpp").read_text(encoding="utf-8"))
+    sizes = {}
+    for path in sorted(folder.glob("*.cpp")):
+        text = path.read_text(encoding="utf-8")
+        known = shared | numbers(text)
+        firsts = re.findall(r"(?:std::array|return )\{\s*(?:number\()?(\w+)", text)
+        for name in re.findall(r"\bshaders::(\w+)", text):
+            sizes.setdefault(name, set()).update(known[first] for first in firsts if first in known)
+    return sizes
 
 
-def check_declaration(header, declaration, plain, parameters, problems):
-    def add(line, what, expected, found):
-        problems.add(declaration.path, line, f"{declaration.name}'s {what}", expected, found)
-    stated = [binding.kind for binding in header.bindings]
-    if stated != declaration.accesses:
-        to_access = {kind: access for access, kind in KINDS.items()}
-        add(declaration.bindings_line, "bindings",
-            *(" ".join(to_access.get(kind, kind) for kind in kinds) for kinds in (stated, declaration.accesses)))
-    if len(header.specializations) != declaration.specializations:
-        add(declaration.line, "specialization constants", len(header.specializations), declaration.specializations)
-    name, size = plain.push_constants() or ("", 0)
-    if name != (declaration.parameters or ""):
-        add(declaration.line, "push constants", name or "0", declaration.parameters or "0")
-    elif size != parameters.get(name, 0):
-        add(declaration.line, "push constants' bytes", size, parameters.get(name, "none in parameters.glsl"))
-    if size > MOST_PUSH_BYTES:
-        add(declaration.line, "push constants' bytes", f"at most {MOST_PUSH_BYTES}", size)
-    if (size := header.specializations[0][2]) not in declaration.group_sizes:
-        add(declaration.line, "work group size", f"{size}, a named constant, as first specialization",
-            " or ".join(map(str, sorted(declaration.group_sizes))) or "none")
+def check_group_size(header, name, sizes, problems):
+    size = header.specializations[0][2]
+    if name not in sizes:
+        problems.add(header.path, 1, name, f"'shaders::{name}' in src/vk", "none")
+    elif size not in sizes[name]:
+        problems.add(header.path, header.spec_line, f"work group size of {name}",
+                     " or ".join(map(str, sorted(sizes[name]))) or "a named constant in src/vk", size)
 
 
-def compile_plain(glslc, shaders, build, folder):
-    """A copy with names and with all that is declared, used or not."""
-    path = folder / f"{build.name}.spv"
-    definitions = [f"-D{build.definition}"] if build.definition else []
-    subprocess.run([glslc, "--target-env=vulkan1.2", "-O0", "-g", *definitions, "-I", shaders, "-o", path,
-                    shaders / f"{build.stem}.comp"], check=True)
-    return Module(path)
-
-
-def check(root, spirv, glslc):
+def check(root, modules):
     problems = Problems(root)
-    shaders, vk = root / "shaders", root / "src" / "vk"
-    cmake = vk / "CMakeLists.txt"
-    builds = read_builds(cmake, problems)
-    parameters = read_parameters(shaders / "common" / "parameters.glsl", problems)
-    declarations = {}
-    for declaration in read_declarations(vk, problems):
-        if declaration.name in declarations:
-            problems.add(declaration.path, declaration.line, declaration.name, "one declaration", "a second")
-        declarations[declaration.name] = declaration
-        if declaration.name not in (build.name for build in builds):
-            problems.add(declaration.path, declaration.line, declaration.name, f"bitr_shader in {cmake.name}", "none")
+    shaders = root / "shaders"
     headers = {path.stem: read_header(path, problems) for path in sorted(shaders.glob("*.comp"))}
-    for stem in sorted(headers.keys() - {build.stem for build in builds}):
-        problems.add(shaders / f"{stem}.comp", 1, stem, f"bitr_shader in {cmake.name}", "none")
-
-    with tempfile.TemporaryDirectory() as folder:
-        for build in builds:
-            if build.stem not in headers:
-                problems.add(cmake, build.line, build.name, f"shaders/{build.stem}.comp", "none")
-            if build.name not in declarations:
-                problems.add(cmake, build.line, build.name, "a Shader in src/vk", "none")
-            elif header := headers.get(build.stem):
-                plain = compile_plain(glslc, shaders, build, Path(folder))
-                check_bindings(header, plain, problems)
-                check_specializations(header, plain, problems)
-                check_rest(header, plain, problems)
-                check_shipped(header, build.name, Module(spirv / f"{build.name}.spv"), plain, problems)
-                check_declaration(header, declarations[build.name], plain, parameters, problems)
-    return builds, list(dict.fromkeys(problems.lines))  # variants share a header
+    sizes = read_group_sizes(root / "src" / "vk")
+    for path in modules:
+        name = path.name.removesuffix(".plain.spv")
+        stem = name if name in headers else name.rpartition("_")[0]  # a variant is of that
+        if header := headers[stem]:
+            plain = Module(path)
+            check_bindings(header, plain, problems)
+            check_specializations(header, plain, problems)
+            check_rest(header, plain, problems)
+            check_group_size(header, name, sizes, problems)
+    return list(dict.fromkeys(problems.lines))  # variants share a header
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--source", type=Path, required=True, help="the project")
-    parser.add_argument("--spirv", type=Path, required=True, help="folder of the built STEM.spv")
-    parser.add_argument("--glslc", default="glslc")
+    parser.add_argument("modules", type=Path, nargs="+", metavar="NAME.plain.spv", help="SPIR-V as written")
     args = parser.parse_args()
     try:
-        builds, problems = check(args.source.resolve(), args.spirv.resolve(), args.glslc)
-    except (OSError, ValueError, subprocess.CalledProcessError) as failure:
+        problems = check(args.source.resolve(), args.modules)
+    except (OSError, ValueError) as failure:
         sys.exit(f"check_headers: {failure}")
-    print("\n".join(problems) or f"{len(builds)} shaders: headers, SPIR-V and src/vk agree")
+    print("\n".join(problems) or f"{len(args.modules)} shaders: headers and SPIR-V agree")
     sys.exit(1 if problems else 0)
 
 

@@ -1,4 +1,4 @@
-"""What a SPIR-V compute shader asks of its caller: bindings, specialization constants, push constants, memory."""
+"""What a SPIR-V compute shader asks of its caller: bindings, specialization constants, memory."""
 
 import operator
 import struct
@@ -7,15 +7,15 @@ from pathlib import Path
 
 MAGIC = 0x07230203
 # Instructions.
-NAME, MEMBER_NAME, DECORATE, MEMBER_DECORATE, EXECUTION_MODE_ID = 5, 6, 71, 72, 331
+NAME, MEMBER_NAME, DECORATE, MEMBER_DECORATE = 5, 6, 71, 72
 TYPE_BOOL, TYPE_INT, TYPE_FLOAT, TYPE_VECTOR, TYPE_MATRIX, TYPE_STRUCT, TYPE_POINTER = 20, 21, 22, 23, 24, 30, 32
 CONSTANT_TRUE, CONSTANT_COMPOSITE, SPEC_TRUE, SPEC_COMPOSITE, SPEC_OP = 41, 44, 48, 51, 52
 VARIABLE, COMPOSITE_EXTRACT, LOOP_MERGE = 59, 81, 246
 # Decorations.
-SPEC_ID, BUILT_IN, NON_WRITABLE, NON_READABLE, BINDING, DESCRIPTOR_SET, OFFSET = 1, 11, 24, 25, 33, 34, 35
+SPEC_ID, NON_WRITABLE, NON_READABLE, BINDING = 1, 24, 25, 33
 # Storage classes.
-UNIFORM_CONSTANT, UNIFORM, WORKGROUP, PUSH_CONSTANT, STORAGE_BUFFER = 0, 2, 4, 9, 12
-LOCAL_SIZE_ID, WORKGROUP_SIZE, UNROLL = 38, 25, 1
+UNIFORM_CONSTANT, UNIFORM, WORKGROUP, STORAGE_BUFFER = 0, 2, 4, 12
+UNROLL = 1  # of a loop
 
 # Specialization constants can be computed with these.
 OPERATIONS = {
@@ -34,7 +34,6 @@ class Binding:
     kind: str                                 # in, out, mod, con; none: neither read nor written
     element: str                              # f32, u32, …, "f32 and u32"
     names: set = field(default_factory=set)   # of the variable, its block and the block's members
-    descriptor_set: int = 0
 
 
 class Module:
@@ -46,7 +45,7 @@ class Module:
         self.names, self.member_names = {}, {}
         self.decorations, self.member_decorations = {}, {}
         self.types, self.constants, self.variables = {}, {}, []
-        self.local_size_id, self.loops = None, 0  # loops: those not marked to be unrolled
+        self.loops = 0  # those not marked to be unrolled
         at = 5
         while at < len(self.words):
             count, opcode = self.words[at] >> 16, self.words[at] & 0xffff
@@ -70,8 +69,6 @@ class Module:
             self.constants[args[1]] = (opcode, args[0], args[2:])
         elif opcode == VARIABLE:
             self.variables.append((args[1], args[2], self.types[args[0]][1][1]))  # id, storage class, type
-        elif opcode == EXECUTION_MODE_ID and args[1] == LOCAL_SIZE_ID:
-            self.local_size_id = args[2:]
         elif opcode == LOOP_MERGE and not args[2] & UNROLL:
             self.loops += 1
 
@@ -82,7 +79,7 @@ class Module:
             own = self.decorations.get(variable, {})
             if storage == UNIFORM_CONSTANT:  # a texel buffer
                 found[own[BINDING][0]] = Binding("in", " and ".join(sorted(self._leaves(block))),
-                                                 {*self.names.get(variable, [])} - {""}, own[DESCRIPTOR_SET][0])
+                                                 {*self.names.get(variable, [])} - {""})
             if storage not in (UNIFORM, STORAGE_BUFFER):
                 continue
             members = [self.member_decorations[block][i] for i in range(len(self.types[block][1]))]
@@ -92,8 +89,7 @@ class Module:
                     {(True, True): "mod", (True, False): "in", (False, True): "out"}.get((readable, writable), "none"))
             names = {*self.names.get(variable, []), *self.names.get(block, []),
                      *self.member_names.get(block, {}).values()} - {""}
-            found[own[BINDING][0]] = Binding(kind, " and ".join(sorted(self._leaves(block))), names,
-                                             own[DESCRIPTOR_SET][0])
+            found[own[BINDING][0]] = Binding(kind, " and ".join(sorted(self._leaves(block))), names)
         return found
 
     def _leaves(self, type_id):
@@ -110,14 +106,6 @@ class Module:
         """{id: (names, default)}; a constant equal to another, as `const int B = A`, only gives it a second name."""
         return {decorations[SPEC_ID][0]: (self.names.get(constant, []), self.value(constant, {}))
                 for constant, decorations in self.decorations.items() if SPEC_ID in decorations}
-
-    def workgroup_specialization(self):
-        """The specialization id of the work group's size in x, or none."""
-        x = self.local_size_id[0] if self.local_size_id else None
-        for constant, decorations in self.decorations.items():
-            if decorations.get(BUILT_IN) == (WORKGROUP_SIZE,):
-                x = self.constants[constant][2][0]
-        return self.decorations.get(x, {}).get(SPEC_ID, (None,))[0]
 
     def value(self, constant, given):
         """Of a constant, with {specialization id: value} instead of the defaults."""
@@ -136,21 +124,6 @@ class Module:
         kind, format_ = self.types[type_id]
         return struct.unpack("<f" if kind == TYPE_FLOAT else "<i" if format_[1] else "<I",
                              struct.pack("<I", args[0]))[0]
-
-    def push_constants(self):
-        """(name of the structure, bytes), or none."""
-        for _, storage, block in self.variables:
-            if storage == PUSH_CONSTANT:
-                members = self.types[block][1]
-                return self.names.get(members[0], [""])[0], self._block_bytes(block)
-        return None
-
-    def _block_bytes(self, struct_id):
-        members = self.types[struct_id][1]
-        last = len(members) - 1
-        inner = (self._block_bytes(members[last]) if self.types[members[last]][0] == TYPE_STRUCT
-                 else self._size(members[last], {})[0])
-        return self.member_decorations[struct_id][last][OFFSET][0] + inner
 
     def shared_bytes(self, given):
         """Of shared memory, laid out as std430 would."""

@@ -1,4 +1,4 @@
-"""Reads what shaders, CMake and C++ say about shaders: headers, variants, declarations, push constants.
+"""Reads what a shader's header says.
 
 A header, of shaders/STEM.comp:
   // STEM.comp: what it does
@@ -12,7 +12,6 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-KINDS = {"texels": "in", "read": "in", "write": "out", "modify": "mod", "constant": "con"}  # of Access in src/vk/shader.hpp
 # The least that Vulkan promises, and lavapipe's silent end of loops.
 MOST_INVOCATIONS, MOST_SHARED_KIB, LOOP_LIMIT = 128, 16, 65535
 
@@ -43,26 +42,6 @@ class Header:
     loops_line: int = 0
     shared_kib: float = 0
     has_loops: bool = True
-
-
-@dataclass
-class Build:
-    line: int
-    name: str        # of the SPIR-V
-    stem: str        # of the shader
-    definition: str  # of the variant
-
-
-@dataclass
-class Declaration:
-    path: Path
-    line: int
-    name: str
-    accesses: list  # kinds
-    bindings_line: int
-    parameters: str  # structure, or none
-    specializations: int
-    group_sizes: set  # of work groups that the file asks for
 
 
 def read_header(path, problems):
@@ -142,62 +121,3 @@ def read_loops(header, line, text, problems):
     last = re.split("[=≤]", bound)[-1].strip()
     if header.has_loops and not (int(last) < LOOP_LIMIT if last.isdigit() else last and limit):
         problems.add(header.path, line, "loops", f"'none', '≤ … N' or '≤ … < {LOOP_LIMIT}'", f"'{form[1]}'")
-
-
-def read_builds(path, problems):
-    """[Build] of the calls of bitr_shader."""
-    builds = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        if not line.startswith("bitr_shader("):
-            continue
-        call = re.fullmatch(r"bitr_shader\(\w+ (\w+)(?: (\w+) (\w+))?\)", line)
-        if not call:
-            problems.add(path, number, "call", "'bitr_shader(TARGET STEM [VARIANT DEFINITION])'", f"'{line}'")
-            continue
-        builds.append(Build(number, f"{call[1]}_{call[2]}" if call[2] else call[1], call[1], call[3] or ""))
-    return builds
-
-
-def read_parameters(path, problems):
-    """{structure: bytes} of the push constants."""
-    text = re.sub(r"//.*", "", path.read_text(encoding="utf-8"))
-    sizes = {}
-    for found in re.finditer(r"struct (\w+) \{(.*?)\};", text, re.DOTALL):
-        sizes[found[1]] = 0
-        for member in filter(None, map(str.strip, found[2].split(";"))):
-            if form := re.fullmatch(r"(?:uint|int|float) (\w+(?:, \w+)*)", member):
-                sizes[found[1]] += 4 * len(form[1].split(","))
-            else:
-                line = text[:found.start()].count("\n") + 1
-                problems.add(path, line, found[1], "members 'uint|int|float name'", f"'{member}'")
-    return sizes
-
-
-def read_declarations(folder, problems):
-    """[Declaration] of every Shader in src/vk."""
-    def numbers(text):
-        return {name: int(value) for name, value in re.findall(r"constexpr [\w:]+ (\w+) = (\d+);", text)}
-    shared_numbers = numbers((folder / "kernel.hpp").read_text(encoding="utf-8"))
-    declarations = []
-    for path in sorted([*folder.glob("*.cpp"), *folder.glob("*.hpp")]):
-        text = path.read_text(encoding="utf-8")
-        known = shared_numbers | numbers(text)
-        firsts = re.findall(r"(?:std::array|return )\{(?:number\()?(\w+)", text)
-        group_sizes = {known[name] for name in firsts if name in known}
-        lists = {}
-        for found in re.finditer(r"constexpr Access (\w+)\[\] = \{(.*?)\};", text, re.DOTALL):
-            accesses = [KINDS.get(name, name) for name in re.findall(r"Access::(\w+)", found[2])]
-            lists[found[1]] = (accesses, text[:found.start()].count("\n") + 1)
-        for start in re.finditer(r"constexpr Shader (\w+)", text):
-            line = text[:start.start()].count("\n") + 1
-            form = re.match(r'\{\s*"(\w+)",\s*spirv::(\w+),\s*(\w+),\s*(?:sizeof\((\w+)\)|0),\s*(\d+)\s*\};',
-                            text[start.end():])
-            if not form or form[3] not in lists:
-                problems.add(path, line, start[1], '\'{"name", spirv::name, bindings, sizeof(Parameters), N};\'',
-                             f"'{text[start.end():].split(';')[0]}'")
-            elif form[1] != form[2]:
-                problems.add(path, line, f"name of spirv::{form[2]}", f'"{form[2]}"', f'"{form[1]}"')
-            else:
-                declarations.append(Declaration(path, line, form[1], *lists[form[3]], form[4], int(form[5]),
-                                                group_sizes))
-    return declarations
