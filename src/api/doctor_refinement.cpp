@@ -35,7 +35,7 @@ struct Pairs {
   }
 
  private:
-  // Of a saddle that is bent unevenly.
+  // A saddle that is bent unevenly.
   static PointCloud sample(Random& random, std::size_t points, const Pose& pose, bool normals) {
     PointCloud cloud;
     for (std::size_t i = 0; i < points; ++i) {
