@@ -74,8 +74,8 @@ TEST_P(TierOnDriver, EveryOneGivesTheCpusPose) {
     ASSERT_EQ(finished.status, 0) << finished.err;
     const auto found = nlohmann::json::parse(finished.out);
     EXPECT_EQ(found["backend"], "vulkan");
-    EXPECT_EQ(found["status"], expected["status"]);
-    const Pose pose = pose_of(found["T_reference_source"]), cpu = pose_of(expected["T_reference_source"]);
+    EXPECT_EQ(found["diagnostics"]["status"], expected["diagnostics"]["status"]);
+    const Pose pose = pose_of(found["transform"]), cpu = pose_of(expected["transform"]);
     EXPECT_LE(rotation_error_degrees(pose, cpu), 0.05);
     EXPECT_LE(translation_error(pose, cpu), 1e-3);
     RecordProperty(tier, std::to_string(rotation_error_degrees(pose, cpu)));
