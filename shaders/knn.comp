@@ -173,11 +173,15 @@ void main() {
 
   uint next = begin;
   while (next < end) {
-    // On to a batch that holds something for one of the subgroup.
+    // Subgroups that go through the batches together pass over those that none of them wants. Invocations by themselves
+    // must not leave such a loop one before the other: lavapipe would give the one what it computes for the other.
     float d[BATCH];
     uint from[BATCH];
     bool wanted;
-    do {
+#ifdef SHUFFLE
+    do
+#endif
+    {
       load_batch(next, 1, end);
       float least = INFINITY;
       [[unroll]] for (int i = 0; i < BATCH; ++i) {
@@ -187,34 +191,39 @@ void main() {
       }
       wanted = any_wants(least < nearest[NEAREST - 1]);
       next += BATCH;
-    } while (!wanted && next < end);
+    }
+#ifdef SHUFFLE
+    while (!wanted && next < end);
+#endif
 
-    sort_batch(d, from);
-    // The condition at the end: processors go once more through the body of a loop that begins with it, and this one
-    // changes nothing where there is no candidate.
-    do {
-      // d[i - 1] is the one before place j, or pushes what was i places before it there.
-      [[unroll]] for (int j = NEAREST - 1; j >= 0; --j) {
-        float x = nearest[j];
-        uint x_row = nearest_row[j];
-        [[unroll]] for (int i = 1; i <= AT_ONCE && i <= j + 1; ++i) {
-          const bool here = d[i - 1] < nearest[j - i + 1];
-          x = here ? d[i - 1] : x;
-          x_row = here ? from[i - 1] : x_row;
-          if (i <= j) {
-            const bool before = d[i - 1] < nearest[j - i];
-            x = before ? nearest[j - i] : x;
-            x_row = before ? nearest_row[j - i] : x_row;
+    if (wanted) {
+      sort_batch(d, from);
+      // The condition at the end: processors go once more through the body of a loop that begins with it, and this one
+      // changes nothing where there is no candidate.
+      do {
+        // d[i - 1] is the one before place j, or pushes what was i places before it there.
+        [[unroll]] for (int j = NEAREST - 1; j >= 0; --j) {
+          float x = nearest[j];
+          uint x_row = nearest_row[j];
+          [[unroll]] for (int i = 1; i <= AT_ONCE && i <= j + 1; ++i) {
+            const bool here = d[i - 1] < nearest[j - i + 1];
+            x = here ? d[i - 1] : x;
+            x_row = here ? from[i - 1] : x_row;
+            if (i <= j) {
+              const bool before = d[i - 1] < nearest[j - i];
+              x = before ? nearest[j - i] : x;
+              x_row = before ? nearest_row[j - i] : x_row;
+            }
           }
+          nearest[j] = x;
+          nearest_row[j] = x_row;
         }
-        nearest[j] = x;
-        nearest_row[j] = x_row;
-      }
-      [[unroll]] for (int i = 0; i < BATCH; ++i) {
-        d[i] = i + AT_ONCE < BATCH ? d[(i + AT_ONCE) % BATCH] : INFINITY;
-        from[i] = from[(i + AT_ONCE) % BATCH];
-      }
-    } while (d[0] < nearest[NEAREST - 1]);
+        [[unroll]] for (int i = 0; i < BATCH; ++i) {
+          d[i] = i + AT_ONCE < BATCH ? d[(i + AT_ONCE) % BATCH] : INFINITY;
+          from[i] = from[(i + AT_ONCE) % BATCH];
+        }
+      } while (d[0] < nearest[NEAREST - 1]);
+    }
   }
 
   if (tile.y + gl_LocalInvocationID.x >= tile.z || (p.first_reference > 0 && begin >= segment_end)) return;

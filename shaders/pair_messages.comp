@@ -19,6 +19,7 @@
 #define SHUFFLE
 #endif
 #ifdef SHUFFLE
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif

@@ -74,9 +74,22 @@ std::vector<std::byte> read_cache(const std::filesystem::path& file) {
   return io::read_file(file).value_or(std::vector<std::byte>());
 }
 
+// The one to use of a Vulkan device: as asked, as the environment has it, or the best.
+Result<std::optional<Tier>> tier_of(const DeviceChoice& choice) {
+  if (choice.tier) return choice.tier;
+  const char* text = std::getenv("BITR_TIER");
+  if (!text || !*text) return std::nullopt;
+  if (const auto tier = tier_named(text)) return tier;
+  return fail(ErrorCode::invalid_argument,
+              std::string("BITR_TIER=") + text + " is not one of basic, shuffle, texels");
+}
+
 Result<OpenDevice> open_vulkan(const DeviceChoice& choice, const DeviceInfo* info) {
+  const auto tier = tier_of(choice);
+  if (!tier) return tl::unexpected(tier.error());
   DeviceOptions options{.device = info ? std::to_string(info->index) : choice.device,
-                        .threads = static_cast<unsigned>(choice.threads)};
+                        .threads = static_cast<unsigned>(choice.threads),
+                        .tier = *tier};
   const std::filesystem::path file = info && !choice.no_cache ? cache_file(*info) : std::filesystem::path();
   options.pipeline_cache = read_cache(file);
   auto device = create_device(options);
@@ -93,6 +106,10 @@ void add_device_options(CLI::App& app, DeviceChoice& choice) {
       ->default_str("auto");
   app.add_option("--device", choice.device, "Vulkan device, as `bitr devices` lists it")
       ->type_name("INDEX|NAME");
+  add_choice<Tier>(
+      app, "--tier", {{"basic", Tier::basic}, {"shuffle", Tier::shuffle}, {"texels", Tier::texels}},
+      choice.tier,
+      "Variant of the Vulkan device's kernels; otherwise the best for it, as `bitr devices` lists it");
   app.add_flag("--no-cache", choice.no_cache, "Neither read nor keep the device's compiled kernels");
   add_count(app, "--threads", choice.threads, 0, 4096,
             "CPU threads, 0 for every core; results do not depend on them");
@@ -115,18 +132,24 @@ void OpenDevice::save_cache() const {
 Result<OpenDevice> open_device(const DeviceChoice& choice, bool cpu_only) {
   const auto cpu = [&] { return OpenDevice(cpu_device(static_cast<unsigned>(choice.threads))); };
   if (choice.backend == Backend::cpu) {
-    if (choice.device.empty()) return cpu();
-    return fail(ErrorCode::invalid_argument,
-                "--device " + choice.device + ": chooses among Vulkan devices, --backend is cpu");
+    if (!choice.device.empty())
+      return fail(ErrorCode::invalid_argument,
+                  "--device " + choice.device + ": chooses among Vulkan devices, --backend is cpu");
+    if (choice.tier)
+      return fail(ErrorCode::invalid_argument, "--tier " + std::string(name(*choice.tier)) +
+                                                   ": chooses among Vulkan kernels, --backend is cpu");
+    return cpu();
   }
-  const bool asked = choice.backend == Backend::vulkan || !choice.device.empty();
+  const bool asked = choice.backend == Backend::vulkan || !choice.device.empty() || choice.tier;
   if (!asked && cpu_only) return cpu();
   const auto devices = enumerate_devices();
   if (asked) {
     if (!devices) return tl::unexpected(devices.error());
     auto opened = open_vulkan(choice, find(*devices, choice.device));
     if (opened) return opened;
-    const std::string option = choice.device.empty() ? "--backend vulkan" : "--device " + choice.device;
+    const std::string option = !choice.device.empty() ? "--device " + choice.device
+                               : choice.tier          ? "--tier " + std::string(name(*choice.tier))
+                                                      : "--backend vulkan";
     return fail(opened.error().code, option + ": " + opened.error().message);
   }
   const DeviceInfo* gpu = devices ? best_gpu(*devices) : nullptr;

@@ -1,4 +1,4 @@
-// Which device a command runs on: --backend, --device, --threads, --no-cache.
+// Which device a command runs on, and how: --backend, --device, --tier, --threads, --no-cache.
 #pragma once
 
 #include <bitr/device.hpp>
@@ -15,6 +15,7 @@ namespace bitr::tool {
 struct DeviceChoice {
   std::optional<Backend> backend;  ///< empty: auto
   std::string device;              ///< index or part of a name
+  std::optional<Tier> tier;        ///< empty: the environment's BITR_TIER, or else the best for the device
   std::uint64_t threads = 0;
   bool no_cache = false;
 };

@@ -17,6 +17,7 @@ Json to_json(const DeviceInfo& info) {
           {"type", info.type},
           {"api_version", info.api_version},
           {"tier", info.tier},
+          {"tiers", info.tiers},
           {"subgroup_size", info.subgroup_size},
           {"memory_bytes", info.memory_bytes},
           {"quirks", info.quirks},
@@ -29,8 +30,12 @@ void print(const DeviceInfo& info) {
   std::printf("%u  %s\n", info.index, info.name.c_str());
   std::printf("   %s, driver %s, Vulkan %s\n", info.type.c_str(), info.driver.c_str(),
               info.api_version.c_str());
-  std::printf("   tier %s, subgroups of %u, %.1f GiB\n", info.tier.c_str(), info.subgroup_size,
-              static_cast<double>(info.memory_bytes) / gibibyte);
+  std::string others;
+  for (const std::string& tier : info.tiers)
+    if (tier != info.tier) others += (others.empty() ? " (also " : ", ") + tier;
+  if (!others.empty()) others += ")";
+  std::printf("   tier %s%s, subgroups of %u, %.1f GiB\n", info.tier.c_str(), others.c_str(),
+              info.subgroup_size, static_cast<double>(info.memory_bytes) / gibibyte);
   for (const std::string& quirk : info.quirks) std::printf("   quirk: %s\n", quirk.c_str());
   if (!info.unsuitable.empty()) std::printf("   cannot be used: %s\n", info.unsuitable.c_str());
 }
@@ -61,8 +66,13 @@ Command add_devices(CLI::App& root) {
   CLI::App* app = add_command(root, "devices", "List the Vulkan devices and what each of them gets");
   add_optional_json(*app, *json);
   app->footer(
-      "A tier is a choice among variants of the kernels: \"shuffle\" uses subgroup operations, \"basic\" "
-      "nothing\nbeyond Vulkan 1.2. VK_DRIVER_FILES, which the Vulkan loader reads, chooses the drivers.\n\n"
+      "A tier is a choice among variants of the kernels, which --tier of other commands makes: \"basic\" "
+      "needs "
+      "nothing\nbeyond Vulkan 1.2, \"shuffle\" exchanges loads within subgroups of 8 to 32 invocations, "
+      "\"texels\" "
+      "reads vec4s\nthrough texel buffers as well, which suits drivers that compute on the CPU. "
+      "VK_DRIVER_FILES, "
+      "which the Vulkan\nloader reads, chooses the drivers.\n\n"
       "Examples:\n"
       "  bitr devices\n"
       "  bitr devices --json");

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +23,19 @@ enum class Backend : std::uint8_t { cpu, vulkan };
 /// "cpu" or "vulkan".
 std::string_view name(Backend backend);
 
+/// A choice among variants of a Vulkan device's kernels. Each asks more of the device than the one before;
+/// all give the same poses up to rounding.
+enum class Tier : std::uint8_t {
+  basic,    ///< nothing beyond Vulkan 1.2: every invocation loads what it needs
+  shuffle,  ///< subgroups of 8 to 32 invocations exchange what they load
+  texels,   ///< the same, and vec4s are read through texel buffers: for drivers that compute on the CPU
+};
+
+/// "basic", "shuffle" or "texels".
+std::string_view name(Tier tier);
+/// Nothing if no tier has that name.
+std::optional<Tier> tier_named(std::string_view name);
+
 /// A handle to a backend and its threads; cheap to copy, and what it stands for lives as long as a handle or
 /// a plan on it does. Plans on one device may be used from different threads, one thread at a time per plan.
 class Device {
@@ -33,7 +47,7 @@ class Device {
 
   // What only a Vulkan device has; empty or false on the CPU.
   std::string driver() const;  ///< the driver's name and version
-  std::string tier() const;    ///< as in DeviceInfo
+  std::string tier() const;    ///< the name of the tier in use
   bool lost() const;           ///< it stopped answering: every call on its plans fails with `device_lost`
   /// Compiled kernels in the driver's form, to be given to create_device() next time; grows with the plans
   /// made so far. Empty when the driver has nothing to give.
@@ -57,11 +71,12 @@ Device cpu_device(unsigned threads = 0);
 struct DeviceInfo {
   unsigned index = 0;  ///< in the loader's order, as DeviceOptions::device takes it
   std::string name;
-  std::string driver;       ///< name and version
-  std::string type;         ///< "discrete", "integrated", "virtual", "cpu" or "other"
-  std::string api_version;  ///< "1.3.230"
-  std::string tier;  ///< which variants of the kernels it gets: "shuffle" (subgroup operations), "basic"
-  unsigned subgroup_size = 1;
+  std::string driver;               ///< name and version
+  std::string type;                 ///< "discrete", "integrated", "virtual", "cpu" or "other"
+  std::string api_version;          ///< "1.3.230"
+  std::string tier;                 ///< the name of the one it gets unless DeviceOptions asks for another
+  std::vector<std::string> tiers;   ///< names of those that it can execute
+  unsigned subgroup_size = 1;       ///< as the driver reports it
   std::uint64_t memory_bytes = 0;   ///< its largest own heap
   std::vector<std::string> quirks;  ///< what its driver is known to do wrong and the kernels steer around
   std::string unsuitable;           ///< why it cannot be used; empty if it can
@@ -87,13 +102,15 @@ struct DeviceOptions {
   std::string device = {};
   unsigned threads = 0;  ///< as for cpu_device
   Validation validation = Validation::off;
+  std::optional<Tier> tier = {};  ///< empty: the best for the device
   /// What Device::pipeline_cache() gave earlier: kernels need not be compiled again. Ignored when it is of
   /// another device or driver, or damaged.
   std::vector<std::byte> pipeline_cache = {};
 };
 
 /// A Vulkan device with one queue for compute. `no_device` when there is none, none of the asked index or
-/// name, or it is unsuitable; `unsupported` when the validation layers are asked for and not installed.
+/// name, or it is unsuitable; `unsupported` when it cannot execute the asked tier, or the validation layers
+/// are asked for and not installed.
 Result<Device> create_device(const DeviceOptions& options = {});
 
 }  // namespace bitr

@@ -8,6 +8,7 @@
 #include <bitr/device.hpp>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 
 namespace bitr::vk {
@@ -22,6 +23,11 @@ struct AdoptInfo {
   std::uint32_t queue_family = 0;
   /// The one feature that the library needs of the device; the application states that it enabled it.
   bool timeline_semaphore_enabled = false;
+  /// Whether it enabled subgroupSizeControl and computeFullSubgroups, of Vulkan 1.3 or
+  /// VK_EXT_subgroup_size_control. Where a driver chooses the size of every kernel's subgroups, the best tier
+  /// may hang on them.
+  bool subgroup_size_control_enabled = false;
+  std::optional<Tier> tier = {};  ///< empty: the best for the device
   /// Called around every submission, if the application uses the queue from other threads. Both or neither.
   std::function<void()> lock_queue = {}, unlock_queue = {};
   const VkAllocationCallbacks* allocation = nullptr;
@@ -30,7 +36,8 @@ struct AdoptInfo {
 };
 
 /// A device on the application's own. `invalid_argument` names the missing handle, a family without compute
-/// or a feature that is not enabled; `no_device` says why the physical device is unsuitable.
+/// or a feature that is not enabled; `no_device` says why the physical device is unsuitable, `unsupported`
+/// why it cannot execute the asked tier.
 Result<Device> adopt(const AdoptInfo& info);
 
 struct BufferSlice {

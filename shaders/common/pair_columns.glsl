@@ -12,15 +12,14 @@
 uint sector;  // whose turn it is
 bool waits;   // this invocation
 
-uint less_of(uint x, uint step) {
+// Right whatever the subgroup's size, which is not gl_SubgroupSize on every driver.
+uint subgroup_least(uint x) {
 #ifdef SHUFFLE
-  return min(x, subgroupShuffleXor(x, step < gl_SubgroupSize ? step : 0u));
+  return subgroupMin(x);
 #else
   return x;
 #endif
 }
-
-uint subgroup_least(uint x) { return less_of(less_of(less_of(less_of(less_of(x, 1u), 2u), 4u), 8u), 16u); }
 
 // `at`: the sector of this invocation.
 void first_sector(uint at) {

@@ -9,6 +9,8 @@
 namespace bitr {
 namespace {
 
+constexpr Tier tiers[] = {Tier::basic, Tier::shuffle, Tier::texels};
+
 std::string processor_name() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);)
@@ -43,11 +45,14 @@ DeviceInfo info_of(const vk::Capabilities& c, std::size_t index) {
                   .driver = c.driver,
                   .type = type_name(c.type),
                   .api_version = version_text(c.api_version),
-                  .tier = c.tier(),
+                  .tier = std::string(name(c.tier())),
+                  .tiers = {},
                   .subgroup_size = c.subgroup_size,
                   .memory_bytes = c.memory_bytes,
                   .quirks = {},
                   .unsuitable = c.unsuitable};
+  for (const Tier tier : tiers)
+    if (c.executes(tier)) info.tiers.emplace_back(name(tier));
   for (const vk::Quirk* quirk : c.quirks) info.quirks.emplace_back(quirk->reason);
   return info;
 }
@@ -56,6 +61,16 @@ DeviceInfo info_of(const vk::Capabilities& c, std::size_t index) {
 
 std::string_view name(Backend backend) { return backend == Backend::vulkan ? "vulkan" : "cpu"; }
 
+std::string_view name(Tier tier) {
+  return tier == Tier::texels ? "texels" : tier == Tier::shuffle ? "shuffle" : "basic";
+}
+
+std::optional<Tier> tier_named(std::string_view word) {
+  for (const Tier tier : tiers)
+    if (name(tier) == word) return tier;
+  return std::nullopt;
+}
+
 Backend Device::backend() const { return context_ ? Backend::vulkan : Backend::cpu; }
 const std::string& Device::name() const {
   static const std::string processor = processor_name();
@@ -63,7 +78,9 @@ const std::string& Device::name() const {
 }
 unsigned Device::threads() const { return pool_->threads(); }
 std::string Device::driver() const { return context_ ? context_->capabilities().driver : ""; }
-std::string Device::tier() const { return context_ ? context_->capabilities().tier() : ""; }
+std::string Device::tier() const {
+  return context_ ? std::string(bitr::name(context_->capabilities().tier())) : "";
+}
 bool Device::lost() const { return context_ && context_->lost(); }
 
 std::vector<std::byte> Device::pipeline_cache() const {
@@ -95,7 +112,8 @@ Result<Device> create_device(const DeviceOptions& options) {
                       .validate = options.validation != Validation::off,
                       .validate_synchronization = options.validation == Validation::synchronization,
                       .validate_on_gpu = options.validation == Validation::gpu_assisted,
-                      .pipeline_cache = options.pipeline_cache});
+                      .pipeline_cache = options.pipeline_cache,
+                      .tier = options.tier});
     return Internal::device(std::make_shared<ThreadPool>(options.threads), std::move(context));
   });
 }

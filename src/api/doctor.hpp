@@ -1,8 +1,9 @@
-// The two halves of run_doctor().
+// The parts of run_doctor().
 #pragma once
 
 #include <bitr/assemble.hpp>
 #include <bitr/doctor.hpp>
+#include <span>
 
 namespace bitr {
 
@@ -16,10 +17,22 @@ struct RandomPair {
 /// rounding moves it by little.
 std::vector<RandomPair> doctor_pairs(const Model& model);
 
-/// Both throw Failure (`device_lost`).
-void check_operations(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
-                      std::vector<Check>& checks);
+/// Batches of larger clouds, one that is searched by brute force and one by the tree.
+std::vector<std::vector<RandomPair>> large_batches();
+
+/// One way to run the network.
+struct OperationsRun {
+  const Model& model;
+  Mode mode;
+  const std::vector<RandomPair>& pairs;
+};
+
+/// Adds a check for each operation's name: the worst over all runs. Like the others throws Failure
+/// (`device_lost`).
+void check_operations(const Device& device, std::span<const OperationsRun> runs, std::vector<Check>& checks);
 void check_passes(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
                   std::vector<Check>& checks);
+/// On a Vulkan device against the CPU.
+void check_refinement(const Device& device, std::vector<Check>& checks);
 
 }  // namespace bitr

@@ -188,6 +188,14 @@ std::vector<RandomPair> doctor_pairs(const Model& model) {
   return pairs;
 }
 
+std::vector<std::vector<RandomPair>> large_batches() {
+  Random random(19);
+  const auto pair = [&](std::size_t n, std::size_t m) {
+    return RandomPair{random_cloud(random, n), random_cloud(random, m)};
+  };
+  return {{pair(512, 512)}, {pair(5000, 500)}};
+}
+
 void check_passes(const Device& device, const Model& model, const std::vector<RandomPair>& pairs,
                   std::vector<Check>& checks) {
   try {

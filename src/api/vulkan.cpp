@@ -77,9 +77,10 @@ Result<Device> adopt(const AdoptInfo& info) {
     return fail(ErrorCode::invalid_argument,
                 "adopt: lock_queue and unlock_queue come together or not at all");
   return guarded([&]() -> Result<Device> {
-    auto context = std::make_shared<Context>(HostDevice{
-        info.get_instance_proc_addr, info.instance, info.physical_device, info.device, info.queue,
-        info.queue_family, info.pipeline_cache, info.allocation, info.lock_queue, info.unlock_queue});
+    auto context = std::make_shared<Context>(
+        HostDevice{info.get_instance_proc_addr, info.instance, info.physical_device, info.device, info.queue,
+                   info.queue_family, info.pipeline_cache, info.allocation, info.lock_queue,
+                   info.unlock_queue, info.subgroup_size_control_enabled, info.tier});
     return Internal::device(std::make_shared<ThreadPool>(info.threads), std::move(context));
   });
 }

@@ -1,8 +1,10 @@
 // What a physical device can do, what is wrong with it, and which kernels' variants that means.
 #pragma once
 
+#include <bitr/device.hpp>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,12 +26,17 @@ struct Capabilities {
   std::uint32_t api_version = 0;
   std::uint32_t queue_family = 0;
   std::uint32_t timestamp_bits = 0;
-  float timestamp_period = 1;  ///< nanoseconds a tick
-  std::uint32_t subgroup_size = 1;
-  bool shuffle = false;  ///< tier: neighbour searches share candidates by subgroup shuffle; else every
-                         ///< invocation loads them
-  bool texels = false;   ///< storage buffers of vec4s are read as texel buffers: loads of single numbers are
-                         ///< slow, one by one
+  float timestamp_period = 1;       ///< nanoseconds a tick
+  std::uint32_t subgroup_size = 1;  ///< as the driver reports it; a kernel's subgroups may have another
+  std::uint32_t least_subgroup = 1, most_subgroup = 1;  ///< what those of a kernel may have
+  std::uint32_t required_subgroup = 0;  ///< what pipelines with subgroup operations ask for; 0: nothing
+  bool size_control = false;            ///< subgroupSizeControl can be enabled, or the host did
+  bool full_subgroups = false;          ///< so can computeFullSubgroups
+  bool shares = false;  ///< can execute Tier::shuffle: subgroups of 8 to 32 that exchange what they load
+  bool texel_arrays = false;  ///< and Tier::texels: any storage buffer of vec4s fits into a texel buffer
+  // The tier in use, see choose().
+  bool shuffle = false;
+  bool texels = false;
   std::uint32_t storage_buffers = 0;
   std::uint64_t storage_range = 0;
   std::uint64_t uniform_range = 0;
@@ -44,10 +51,14 @@ struct Capabilities {
 
   std::string unsuitable;  ///< why this device cannot run the kernels; empty when it can
 
-  /// "shuffle" or "basic".
-  const char* tier() const { return shuffle ? "shuffle" : "basic"; }
+  Tier tier() const { return texels ? Tier::texels : shuffle ? Tier::shuffle : Tier::basic; }
+  bool executes(Tier tier) const;
+  /// The best for the device unless `wanted`. Throws Failure (`unsupported`) where it cannot execute that.
+  void choose(std::optional<Tier> wanted);
 };
 
-Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice device);
+/// What a device can do, in the best tier. `size_control`: features of VK_EXT_subgroup_size_control that it has
+/// are or will be enabled.
+Capabilities capabilities_of(const InstanceFunctions& vk, VkPhysicalDevice device, bool size_control = true);
 
 }  // namespace bitr::vk

@@ -129,6 +129,7 @@ Context::Context(const OwnDevice& wanted) : get_instance_proc_addr_(system_loade
     capabilities_ = capabilities_of(*instance_functions_, physical_device_);
     if (!capabilities_.unsuitable.empty())
       throw Failure(ErrorCode::no_device, capabilities_.name + ": " + capabilities_.unsuitable);
+    capabilities_.choose(wanted.tier);
     queue_family_ = capabilities_.queue_family;
     create_device();
     instance_functions_->GetPhysicalDeviceMemoryProperties(physical_device_, &memory_);
@@ -150,13 +151,14 @@ Context::Context(const HostDevice& host)
       queue_family_(host.queue_family),
       allocation_(host.allocation),
       vk_(instance_functions_->GetDeviceProcAddr, host.device),
-      capabilities_(capabilities_of(*instance_functions_, host.physical_device)),
+      capabilities_(capabilities_of(*instance_functions_, host.physical_device, host.subgroup_size_control)),
       lock_(host.lock),
       unlock_(host.unlock),
       cache_(host.pipeline_cache),
       own_cache_(host.pipeline_cache == VK_NULL_HANDLE) {
   if (!capabilities_.unsuitable.empty())
     throw Failure(ErrorCode::no_device, capabilities_.name + ": " + capabilities_.unsuitable);
+  capabilities_.choose(host.tier);
   std::uint32_t count = 0;
   instance_functions_->GetPhysicalDeviceQueueFamilyProperties(physical_device_, &count, nullptr);
   std::vector<VkQueueFamilyProperties> families(count);
@@ -253,6 +255,14 @@ void Context::create_device() {
       .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TIMELINE_SEMAPHORE_FEATURES,
       .pNext = nullptr,
       .timelineSemaphore = VK_TRUE};
+  VkPhysicalDeviceSubgroupSizeControlFeatures subgroups{
+      .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES,
+      .pNext = nullptr,
+      .subgroupSizeControl = capabilities_.size_control,
+      .computeFullSubgroups = capabilities_.full_subgroups};
+  const bool size_control = capabilities_.size_control || capabilities_.full_subgroups;
+  if (size_control) features.pNext = &subgroups;
+  const char* extension = VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME;
   const VkDeviceCreateInfo info{.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO,
                                 .pNext = &features,
                                 .flags = 0,
@@ -260,8 +270,8 @@ void Context::create_device() {
                                 .pQueueCreateInfos = &queue,
                                 .enabledLayerCount = 0,
                                 .ppEnabledLayerNames = nullptr,
-                                .enabledExtensionCount = 0,
-                                .ppEnabledExtensionNames = nullptr,
+                                .enabledExtensionCount = size_control ? 1u : 0u,
+                                .ppEnabledExtensionNames = &extension,
                                 .pEnabledFeatures = nullptr};
   check(instance_functions_->CreateDevice(physical_device_, &info, allocation_, &device_), "vkCreateDevice");
   vk_ = DeviceFunctions(instance_functions_->GetDeviceProcAddr, device_);

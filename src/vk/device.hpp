@@ -7,6 +7,8 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -83,12 +85,15 @@ struct HostDevice {
   VkPipelineCache pipeline_cache;
   const VkAllocationCallbacks* allocation;
   std::function<void()> lock, unlock;
+  bool subgroup_size_control = false;  ///< it enabled subgroupSizeControl and computeFullSubgroups
+  std::optional<Tier> tier = {};       ///< as in OwnDevice
 };
 
 struct OwnDevice {
-  std::string device;  ///< index, part of the name, or empty for the best
+  std::string device = {};  ///< index, part of the name, or empty for the best
   bool validate = false, validate_synchronization = false, validate_on_gpu = false;
-  std::span<const std::byte> pipeline_cache;
+  std::span<const std::byte> pipeline_cache = {};
+  std::optional<Tier> tier = {};  ///< empty: the best for the device
 };
 
 class Context {
@@ -122,6 +127,8 @@ class Context {
     return PipelineOf<Parameters>(find_pipeline(shader, specializations));
   }
   std::size_t pipeline_count() const;
+  /// Names of the shaders that pipelines were made of so far.
+  std::set<std::string> shaders() const;
   /// The driver's cache behind this library's own header; empty if the driver gives none.
   std::vector<std::byte> pipeline_cache() const;
 

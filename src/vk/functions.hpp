@@ -15,7 +15,8 @@ namespace bitr::vk {
 #define BITR_VK_INSTANCE_FUNCTIONS(X)                                                                   \
   X(DestroyInstance) X(EnumeratePhysicalDevices) X(GetPhysicalDeviceProperties2)                        \
   X(GetPhysicalDeviceFeatures2) X(GetPhysicalDeviceMemoryProperties)                                    \
-  X(GetPhysicalDeviceQueueFamilyProperties) X(CreateDevice) X(GetDeviceProcAddr)
+  X(GetPhysicalDeviceQueueFamilyProperties) X(EnumerateDeviceExtensionProperties) X(CreateDevice)       \
+  X(GetDeviceProcAddr)
 
 #define BITR_VK_DEVICE_FUNCTIONS(X)                                                                     \
   X(DestroyDevice) X(GetDeviceQueue) X(DeviceWaitIdle) X(QueueSubmit)                                   \

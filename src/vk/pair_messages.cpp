@@ -81,7 +81,7 @@ std::vector<std::uint32_t> PairMessages::take_constants(VkDeviceSize offset) {
 void PairMessages::check_loops() const {
   std::uint32_t channels = 0;
   for (const auto& [d, c] : fiber_) channels += number(c);
-  const std::uint32_t rounds = capabilities_.shuffle ? capabilities_.subgroup_size : 1;
+  const std::uint32_t rounds = capabilities_.shuffle ? capabilities_.most_subgroup : 1;
   if (in_vectors() * (tables_.tables * tables_.search + channels * (1 + 6 * rounds)) >=
       capabilities_.loop_limit)
     throw Failure(ErrorCode::unsupported, "a two-sided layer this wide takes loops too long for the device");

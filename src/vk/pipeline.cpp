@@ -22,6 +22,15 @@ struct DriverHeader {
   std::uint8_t uuid[VK_UUID_SIZE];
 };
 
+// Whether a shader says that it has subgroup operations: capabilities come first of its instructions.
+bool uses_subgroups(std::span<const std::uint32_t> spirv) {
+  constexpr std::size_t header_words = 5;
+  constexpr std::uint32_t op_capability = 2 << 16 | 17, group_non_uniform = 61, group_non_uniform_quad = 68;
+  for (std::size_t at = header_words; at + 1 < spirv.size() && spirv[at] == op_capability; at += 2)
+    if (spirv[at + 1] >= group_non_uniform && spirv[at + 1] <= group_non_uniform_quad) return true;
+  return false;
+}
+
 }  // namespace
 
 VkDescriptorType descriptor_type(Access access) {
@@ -83,13 +92,24 @@ const Pipeline& Context::find_pipeline(const Shader& shader,
     entries.push_back({i, static_cast<std::uint32_t>(i * sizeof(std::uint32_t)), sizeof(std::uint32_t)});
   const VkSpecializationInfo constants{static_cast<std::uint32_t>(entries.size()), entries.data(),
                                        specializations.size_bytes(), specializations.data()};
+  const VkPipelineShaderStageRequiredSubgroupSizeCreateInfo subgroups{
+      .sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO,
+      .pNext = nullptr,
+      .requiredSubgroupSize = capabilities_.required_subgroup};
+  const bool shares = uses_subgroups(shader.spirv);
+  const bool sized = shares && capabilities_.required_subgroup > 0;
+  VkPipelineShaderStageCreateFlags flags = 0;
+  // Work groups are whole subgroups, all of which take part; sizes of both are powers of two.
+  const std::uint32_t size = sized ? capabilities_.required_subgroup : capabilities_.subgroup_size;
+  if (shares && capabilities_.full_subgroups && specializations[0] % size == 0)
+    flags |= VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT;
   const VkComputePipelineCreateInfo info{
       .sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO,
       .pNext = nullptr,
       .flags = 0,
       .stage = {.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
-                .pNext = nullptr,
-                .flags = 0,
+                .pNext = sized ? &subgroups : nullptr,
+                .flags = flags,
                 .stage = VK_SHADER_STAGE_COMPUTE_BIT,
                 .module = module,
                 .pName = "main",
@@ -107,6 +127,13 @@ const Pipeline& Context::find_pipeline(const Shader& shader,
 std::size_t Context::pipeline_count() const {
   const std::lock_guard lock(pipelines_mutex_);
   return pipelines_.size();
+}
+
+std::set<std::string> Context::shaders() const {
+  const std::lock_guard lock(pipelines_mutex_);
+  std::set<std::string> names;
+  for (const auto& [key, pipeline] : pipelines_) names.insert(pipeline.shader->name);
+  return names;
 }
 
 void Context::create_cache(std::span<const std::byte> blob) {

@@ -55,8 +55,8 @@ class VulkanDevice : public Device {
 TEST(Devices, ListsWhatEachDeviceGets) {
   const auto json = devices();
   for (const auto& device : json["devices"])
-    for (const char* key : {"index", "name", "driver", "type", "api_version", "tier", "subgroup_size",
-                            "memory_bytes", "quirks", "usable", "unsuitable"})
+    for (const char* key : {"index", "name", "driver", "type", "api_version", "tier", "tiers",
+                            "subgroup_size", "memory_bytes", "quirks", "usable", "unsuitable"})
       EXPECT_TRUE(device.contains(key)) << key;
   const Finished text = run_command({"devices"});
   EXPECT_EQ(text.status, 0);

@@ -5,8 +5,6 @@
 // LOSE_DEVICE_WHILE_WAITING  set: that submission still succeeds, and the next wait finds out
 // LOSE_DEVICE_AGAIN          set: every device that is asked later is lost, too
 // LOSE_DEVICE_COUNT          a file that gets the number of submissions so far
-#include <vulkan/vk_layer.h>
-
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -16,7 +14,13 @@
 #include <sstream>
 #include <utility>
 
+#include "support/vulkan_layer.hpp"
+
 namespace {
+
+using bitr::test::erased;
+using bitr::test::key_of;
+using bitr::test::take_link;
 
 struct Instance {
   VkInstance handle = VK_NULL_HANDLE;
@@ -39,12 +43,6 @@ std::map<void*, Instance> instances;
 std::map<void*, Device> devices;
 std::uint64_t submissions = 0;
 
-// The loader's table, which a handle begins with: a device and its queues have one in common.
-template <typename Handle>
-void* key_of(Handle handle) {
-  return *reinterpret_cast<void**>(handle);
-}
-
 template <typename Handle>
 Instance instance_of(Handle handle) {
   const std::lock_guard lock(mutex);
@@ -55,17 +53,6 @@ template <typename Handle>
 Device device_of(Handle handle) {
   const std::lock_guard lock(mutex);
   return devices.at(key_of(handle));
-}
-
-// The loader's link to the next layer; the next one gets its own.
-template <typename Info>
-auto* take_link(const void* chain, VkStructureType type) {
-  auto* info = static_cast<Info*>(const_cast<void*>(chain));
-  while (info && !(info->sType == type && info->function == VK_LAYER_LINK_INFO))
-    info = static_cast<Info*>(const_cast<void*>(info->pNext));
-  auto* link = info ? info->u.pLayerInfo : nullptr;
-  if (link) info->u.pLayerInfo = link->pNext;
-  return link;
 }
 
 VkResult VKAPI_CALL create_instance(const VkInstanceCreateInfo* info, const VkAllocationCallbacks* allocation,
@@ -171,11 +158,6 @@ VkResult VKAPI_CALL device_idle(VkDevice device) {
 
 PFN_vkVoidFunction VKAPI_CALL device_function(VkDevice device, const char* name);
 PFN_vkVoidFunction VKAPI_CALL instance_function(VkInstance instance, const char* name);
-
-template <typename Function>
-PFN_vkVoidFunction erased(Function function) {
-  return reinterpret_cast<PFN_vkVoidFunction>(function);
-}
 
 PFN_vkVoidFunction own_function(const char* name) {
   const std::pair<const char*, PFN_vkVoidFunction> own[] = {
