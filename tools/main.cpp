@@ -1,7 +1,9 @@
 // bitr: the command.
+#include <csignal>
 #include <iostream>
 #include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "command.hpp"
@@ -44,19 +46,26 @@ int run(int argc, char** argv) {
       return complain(bad_usage, "\"" + unknown.front() + "\" is not known here; see --help");
     return complain(bad_usage, error.what());
   }
-  for (const Command& command : commands)
-    if (command.app->parsed()) return command.run();
+  for (const Command& command : commands) {
+    if (!command.app->parsed()) continue;
+    set_at_hand("bitr " + command.app->get_name());
+    return command.run();
+  }
   return complain(bad_usage, "no command");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  // A file over its limit is an error like a full disk.
+  std::signal(SIGXFSZ, SIG_IGN);
   int status = run_failed;
   try {
     status = run(argc, argv);
   } catch (const std::bad_alloc&) {
-    return complain(run_failed, "out of memory");
+    return complain(run_failed, at_hand() + "out of memory");
+  } catch (const std::system_error& error) {
+    return complain(run_failed, at_hand() + error.what());
   } catch (const std::exception& error) {
     return complain(run_failed, error.what());
   }
