@@ -1,5 +1,6 @@
 // bitr: the command.
 #include <csignal>
+#include <cstdio>
 #include <iostream>
 #include <new>
 #include <string>
@@ -18,6 +19,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "bitr " BITR_VERSION);
   app.require_subcommand(1);
   app.footer(
+      "The files of a result appear together or not at all; until then what they replace stays.\n\n"
       "Examples:\n"
       "  bitr generate copy --out clouds --count 1 --seed 1\n"
       "  bitr assemble clouds/copy_000_source.ply clouds/copy_000_reference.ply --complete-match -o "
@@ -69,6 +71,8 @@ int main(int argc, char** argv) {
   } catch (const std::exception& error) {
     return complain(run_failed, error.what());
   }
-  if (status == done && !std::cout.flush()) return complain(bad_usage, "standard output cannot be written");
+  // Text is printed to the same stream in two ways; the one does not notice that the other failed.
+  if (status == done && (!std::cout.flush() || std::ferror(stdout) != 0))
+    return complain(bad_usage, "standard output cannot be written");
   return status;
 }
