@@ -12,6 +12,7 @@
 #include "cloud_input.hpp"
 #include "command.hpp"
 #include "device_choice.hpp"
+#include "io/formats.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -72,34 +73,35 @@ std::string view_report(const AssemblyReport& report) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly) {
+  const auto image = render_picture(source, reference, assembly);
+  return image ? encode_png(*image) : tl::unexpected(image.error());
+}
+
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
   const Assembly& assembly = report.answer.assembly;
   const auto cloud = [&](const std::string& path) {
-    return io::write_ply(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
+    return io::ply_file(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
   };
-  const auto image = [&](const std::string& path) {
-    return write_picture(path, source.cloud, reference.cloud, assembly);
+  const auto image = [&](const std::string&) { return picture_of(source.cloud, reference.cloud, assembly); };
+  const auto view = [&](const std::string&) {
+    return render_view(source.cloud, reference.cloud, assembly,
+                       {.source_name = std::filesystem::path(source.path).filename(),
+                        .reference_name = std::filesystem::path(reference.path).filename(),
+                        .report = view_report(report)})
+        .map(bytes_of);
   };
-  const auto view = [&](const std::string& path) {
-    return write_view(path, source.cloud, reference.cloud, assembly,
-                      {.source_name = std::filesystem::path(source.path).filename(),
-                       .reference_name = std::filesystem::path(reference.path).filename(),
-                       .report = view_report(report)});
-  };
-  const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
-  const auto profile = [&](const std::string&) { return write_profile(options.run, report.plan); };
   const auto applied = [&](const std::string& path) {
-    return io::move_cloud_file(options.source, path, assembly.T_reference_source);
+    return io::moved_file(options.source, path, assembly.T_reference_source);
   };
-  const auto pose = [&](const std::string& path) { return write_pose(path, assembly.T_reference_source); };
   return write_files({{options.output, cloud},
                       {options.applied, applied},
-                      {options.pose, pose},
+                      pose_writer(options.pose, assembly.T_reference_source),
                       {options.image, image},
                       {options.view, view},
-                      {options.run.profile, profile},
-                      {options.json, json}});
+                      profile_writer(options.run, report.plan),
+                      json_writer(options.json, to_json(report))});
 }
 
 int run(Options& options) {
@@ -112,6 +114,7 @@ int run(Options& options) {
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
 
+  set_at_hand("source " + options.source + ", reference " + options.reference);
   show_progress("reading");
   const Stopwatch total;
   auto source = read_input(options.source, options.clouds);
@@ -127,7 +130,8 @@ int run(Options& options) {
   }
 
   show_progress("assembling");
-  const std::string which = "source " + options.source + ", reference " + options.reference + ": ";
+  const std::string which = at_hand();
+  set_at_hand("source " + described(*source) + ", reference " + described(*reference));
   const CloudPair pair = {source->used, reference->used};
   const auto device = open_device(options.run);
   if (!device) return complain(device.error());

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -18,11 +19,13 @@
 #include "batch_results.hpp"
 #include "cloud_input.hpp"
 #include "command.hpp"
-#include "core/failure.hpp"
+#include "core/guarded.hpp"
+#include "core/hash.hpp"
 #include "core/read_ahead.hpp"
 #include "device_choice.hpp"
 #include "joined_cloud.hpp"
 #include "manifest.hpp"
+#include "model/weights.hpp"
 #include "options.hpp"
 #include "pose_file.hpp"
 
@@ -38,6 +41,7 @@ struct Shard {
   std::uint64_t index = 1, count = 1;
   bool has(std::uint64_t pair) const { return pair % count == index - 1; }
   std::uint64_t size(std::uint64_t pairs) const { return (pairs + count - index) / count; }
+  std::uint64_t pair(std::uint64_t i) const { return i * count + index - 1; }
 };
 
 struct Options {
@@ -85,12 +89,14 @@ class Jobs {
   Job next() {
     for (;; ++number_) {
       auto entry = manifest_.next();
+      if (!entry && entry.error().code == ErrorCode::io)
+        throw Failure(entry.error().code, entry.error().message);
       if (entry && !*entry) return end_of_jobs();
       if (!options_.shard.has(number_) || (done_ > 0 && done_-- > 0)) continue;
       Job job;
       if (entry) {
         job.entry = std::move(**entry);
-        read(job);
+        read_or_say_why(job);
       } else {
         job.entry.number = number_;
         job.entry.name = "pair " + std::to_string(number_);
@@ -102,6 +108,11 @@ class Jobs {
   }
 
  private:
+  void read_or_say_why(Job& job) const try { read(job); } catch (const std::bad_alloc&) {
+    job.source.reset();
+    job.reference.reset();
+    job.problem = job.entry.source + ", " + job.entry.reference + ": out of memory for their points";
+  }
   void read(Job& job) const {
     const auto truth = read_optional_pose(job.entry.truth);
     if (!truth) return void(job.problem = truth.error().message);
@@ -153,7 +164,10 @@ class Assembler {
     if (answers) {
       for (std::size_t i = 0; i < outcomes.size(); ++i) outcomes[i]->answer = std::move((*answers)[i]);
     } else if (outcomes.size() == 1) {
-      outcomes.front()->job.problem = answers.error().message;
+      Job& job = outcomes.front()->job;
+      const bool ours = answers.error().code == ErrorCode::internal;
+      job.problem = (ours ? described(*job.source) + ", " + described(*job.reference) + ": " : "") +
+                    answers.error().message;
     } else {
       // One of them is not to be assembled; the others should not suffer.
       for (Outcome* outcome : outcomes) submit({outcome});
@@ -199,7 +213,7 @@ class Assembler {
 
   /// Leaves in loss_ whether the device was lost.
   Result<std::vector<Answer>> attempt(const std::vector<InputPair>& pairs) {
-    auto answers = answer_with_plan(pairs);
+    auto answers = guarded([&] { return answer_with_plan(pairs); });
     if (!answers && answers.error().code == ErrorCode::device_lost) loss_ = answers.error().message;
     return answers;
   }
@@ -252,6 +266,12 @@ Json line_of(const Outcome& outcome, const AnswerChoice& choice, const AnswerOpt
   return line;
 }
 
+std::string assembled_name(std::uint64_t pair) {
+  char name[64];
+  std::snprintf(name, sizeof name, "pair_%06llu.ply", static_cast<unsigned long long>(pair));
+  return name;
+}
+
 /// Clouds first, so that what has its line has its cloud.
 void write(const std::vector<Outcome>& outcomes, const Options& options, const AnswerOptions& how,
            BatchResults& results) {
@@ -260,25 +280,38 @@ void write(const std::vector<Outcome>& outcomes, const Options& options, const A
     lines.push_back(line_of(outcome, options.answer, how));
     if (lines.back().contains("refused")) continue;
     if (!options.assembled || !outcome.answer || outcome.answer->assembly.status == Status::failed) continue;
-    char name[64];
-    std::snprintf(name, sizeof name, "pair_%06llu.ply",
-                  static_cast<unsigned long long>(outcome.job.entry.number));
-    const auto written = io::write_ply(std::filesystem::path(options.folder) / name,
-                                       joined_cloud(outcome.job.source->cloud, outcome.job.reference->cloud,
-                                                    outcome.answer->assembly.T_reference_source));
+    const auto written =
+        io::write_ply(std::filesystem::path(options.folder) / assembled_name(outcome.job.entry.number),
+                      joined_cloud(outcome.job.source->cloud, outcome.job.reference->cloud,
+                                   outcome.answer->assembly.T_reference_source));
     if (!written) throw Failure(written.error().code, written.error().message);
   }
   results.append(lines);
 }
 
+std::string hex(std::uint64_t number) {
+  char digits[17];
+  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(number));
+  return digits;
+}
+
+/// Of all that a pose depends on, whatever the model is called.
+std::uint64_t fingerprint_of(const Model& model) {
+  // Written as they are kept in files, and then in full: a file may hold doubles.
+  std::uint64_t fingerprint = fnv1a(serialize(model));
+  for (const auto& [name, matrix] : model.weights().parameters)
+    fingerprint =
+        fnv1a(std::as_bytes(std::span(matrix.data(), static_cast<std::size_t>(matrix.size()))), fingerprint);
+  return fingerprint;
+}
+
 // What results depend on.
 Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
-  char hash[17];
-  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(manifest.fingerprint));
   Json settings = {{"manifest", options.manifest},
-                   {"manifest_fingerprint", hash},
+                   {"manifest_fingerprint", hex(manifest.fingerprint)},
                    {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
                    {"model", model.name()},
+                   {"model_fingerprint", hex(fingerprint_of(model))},
                    {"complete_match", options.model.complete_match},
                    {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
                    {"precision", precision_name(options.run.plan.precision)},
@@ -329,12 +362,37 @@ void print(const BatchSummary& summary, const std::string& file, double rate) {
   std::printf("throughput  %.1f pairs a second\nresults     %s\n", rate, file.c_str());
 }
 
+/// Those that are there already, and that this run would replace.
+InputFiles assembled_files(const Options& options) {
+  InputFiles files;
+  std::error_code error;
+  std::filesystem::directory_iterator entry(options.folder, error), end;
+  for (; !error && entry != end; entry.increment(error)) {
+    unsigned long long number = 0;
+    const std::string name = entry->path().filename();
+    if (std::sscanf(name.c_str(), "pair_%llu.ply", &number) == 1 && name == assembled_name(number) &&
+        options.shard.has(number))
+      files.add(entry->path());
+  }
+  return files;
+}
+
+/// The manifest, and that none of its files is one that this run writes.
+Result<ManifestSummary> check_manifest(const Options& options) {
+  const InputFiles written = options.assembled ? assembled_files(options) : InputFiles();
+  if (written.empty()) return summarise_manifest(options.manifest);
+  return summarise_manifest(options.manifest, [&](const ManifestEntry& entry) -> Result<void> {
+    for (const std::string* file : {&entry.source, &entry.reference, &entry.truth})
+      if (written.has(*file))
+        return fail(ErrorCode::invalid_argument, "--assembled: would replace " + *file + ", which " +
+                                                     options.manifest + " names in " + entry.name);
+    return {};
+  });
+}
+
 Result<std::string> results_file(const Options& options) {
   std::error_code error;
-  std::filesystem::create_directories(options.folder, error);
-  if (!std::filesystem::is_directory(options.folder, error))
-    return fail(ErrorCode::invalid_argument,
-                "--out " + options.folder + ": cannot be made: " + error.message());
+  if (const auto made = make_folder("--out", options.folder); !made) return tl::unexpected(made.error());
   std::string name = "results";
   if (options.shard.count > 1)
     name += "-" + std::to_string(options.shard.index) + "-of-" + std::to_string(options.shard.count);
@@ -352,7 +410,8 @@ int run_checked(Options& options) {
   how->complete_match = options.model.complete_match;
   const auto model = choose_model(options.model);
   if (!model) return complain(model.error());
-  const auto summary = summarise_manifest(options.manifest);
+  set_at_hand(options.manifest + ", " + std::to_string(options.pairs) + " pairs at once");
+  const auto summary = check_manifest(options);
   if (!summary) return complain(summary.error());
   auto manifest = Manifest::open(options.manifest);
   if (!manifest) return complain(manifest.error());
@@ -361,7 +420,8 @@ int run_checked(Options& options) {
   const auto file = results_file(options);
   if (!file) return complain(file.error());
 
-  BatchResults results(*file, settings_of(options, *model, *summary));
+  BatchResults results(*file, settings_of(options, *model, *summary),
+                       [&](std::uint64_t i) { return options.shard.pair(i); });
   const std::uint64_t all = options.shard.size(summary->pairs);
   const Progress progress(results.done(), all);
   Assembler assembler(options, *model, *how, std::move(*device));
@@ -387,7 +447,8 @@ int run_checked(Options& options) {
     }
     if (writing.valid()) writing.get();
     progress.show(results.done());
-    writing = std::async(std::launch::async,
+    // Where the system grants no thread it is done by whoever waits for it.
+    writing = std::async(std::launch::async | std::launch::deferred,
                          [&, outcomes = std::move(outcomes)] { write(outcomes, options, *how, results); });
   }
   writing.get();

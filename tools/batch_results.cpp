@@ -10,6 +10,42 @@ namespace {
 
 std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
+/// Of whatever batch.
+bool is_head(std::string_view line) {
+  const Json json = Json::parse(line, nullptr, false);
+  return json.is_object() && json.contains("manifest") && json.contains("manifest_fingerprint");
+}
+
+/// The number under `key` of the object under `outer`; null where either is not there.
+Json number_under(const Json& line, const char* outer, const char* key) {
+  const auto object = line.find(outer);
+  if (object == line.end() || !object->is_object()) return nullptr;
+  const auto number = object->find(key);
+  return number != object->end() && number->is_number() ? *number : Json(nullptr);
+}
+
+/// Why it is not what append() writes for that pair; empty when it may be.
+std::string problem_of(const Json& line, std::uint64_t pair) {
+  if (!line.is_object()) return "is no JSON object";
+  const auto has = [&](const char* key, auto is) {
+    const auto found = line.find(key);
+    return found != line.end() && ((*found).*is)();
+  };
+  if (!has("pair", &Json::is_number_unsigned)) return "has no number of a pair";
+  if (line["pair"] != pair) return "is of pair " + line["pair"].dump();
+  for (const char* key : {"name", "source", "reference", "status"})
+    if (!has(key, &Json::is_string)) return "has no \"" + std::string(key) + "\"";
+  const auto& status = line["status"].get_ref<const std::string&>();
+  const bool posed = status == "ok" || status == "degenerate";
+  if (!posed && status != "failed" && status != "unreadable") return "has a status that there is not";
+  if (posed && !has("transform", &Json::is_array)) return "has no \"transform\"";
+  if (posed && !has("diagnostics", &Json::is_object)) return "has no \"diagnostics\"";
+  for (const auto& [outer, key] : {std::pair("errors", "rotation_degrees"), {"confidence", "value"}})
+    if (line.contains(outer) && number_under(line, outer, key).is_null())
+      return "has \"" + std::string(outer) + "\" without \"" + key + "\"";
+  return {};
+}
+
 }  // namespace
 
 void Histogram::add(double value) {
@@ -38,34 +74,46 @@ void BatchSummary::add(const Json& line) {
   ++pairs;
   const std::string status = line.value("status", "");
   ++(status == "ok" ? ok : status == "degenerate" ? degenerate : status == "failed" ? failed : unreadable);
-  if (const auto errors = line.find("errors"); errors != line.end())
-    rotation_degrees.add(errors->value("rotation_degrees", 180.0));
-  if (const auto diagnostics = line.find("diagnostics"); diagnostics != line.end())
-    if (const auto share = diagnostics->find("overlap"); share != diagnostics->end() && share->is_number())
-      overlap.add(share->get<double>());
-  if (const auto judged = line.find("confidence"); judged != line.end())
-    confidence.add(judged->value("value", 0.0));
+  const auto take = [&](const char* outer, const char* key, Histogram& values) {
+    if (const Json number = number_under(line, outer, key); !number.is_null())
+      values.add(number.get<double>());
+  };
+  take("errors", "rotation_degrees", rotation_degrees);
+  take("diagnostics", "overlap", overlap);
+  take("confidence", "value", confidence);
   refused += line.contains("refused");
 }
 
-BatchResults::BatchResults(const std::string& file, const Json& settings)
-    : head_(line_of(settings)), log_(file, [this](std::string_view line) {
-        // What other settings made is kept as it is.
-        if (other_settings_) return true;
-        if (!headed_) {
-          headed_ = line == head_;
-          other_settings_ = !headed_;
-          return true;
-        }
-        const Json json = Json::parse(line, nullptr, false);
-        if (!json.is_object() || !json.contains("pair")) return false;
-        summary_.add(json);
-        return true;
-      }) {
-  if (other_settings_)
-    throw Failure(ErrorCode::invalid_argument,
-                  file + ": was made from another manifest or with other options; take another --out");
+BatchResults::BatchResults(const std::string& file, const Json& settings,
+                           std::function<std::uint64_t(std::uint64_t)> number)
+    : file_(file),
+      head_(line_of(settings)),
+      number_(std::move(number)),
+      log_(file, [this](std::string_view line, bool whole) { return take_up(line, whole); }) {
   if (!headed_) log_.append(head_ + "\n");
+}
+
+bool BatchResults::take_up(std::string_view line, bool whole) {
+  const auto refuse = [&](const std::string& why) {
+    throw Failure(ErrorCode::invalid_argument,
+                  file_ + ": " + why + "; take another --out, or remove the file");
+  };
+  if (!headed_) {
+    // A killed process leaves a part of it at most.
+    if (!whole && head_.starts_with(line)) return false;
+    headed_ = line == head_;
+    if (!headed_ && !is_head(line)) refuse("does not begin as the results of a batch do");
+    if (!headed_) refuse("was made from another manifest, with another model or with other options");
+    return true;
+  }
+  if (!whole) return false;
+  const std::uint64_t expected = number_(summary_.pairs);
+  const Json json = Json::parse(line, nullptr, false);
+  if (const std::string problem = problem_of(json, expected); !problem.empty())
+    refuse("line " + std::to_string(summary_.pairs + 2) + ", where that of pair " + std::to_string(expected) +
+           " belongs, " + problem);
+  summary_.add(json);
+  return true;
 }
 
 void BatchResults::append(const std::vector<Json>& lines) {

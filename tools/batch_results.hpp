@@ -3,6 +3,7 @@
 
 #include <bitr/assemble.hpp>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -38,8 +39,11 @@ struct BatchSummary {
 /// DIR/results.jsonl: first the settings, then the pairs in the manifest's order.
 class BatchResults {
  public:
-  /// Takes up what is there. Failure: `io`; `invalid_argument` when it was made with other settings.
-  BatchResults(const std::string& file, const Json& settings);
+  /// Takes up what is there; `number`: of the i-th pair. Failure: `io`; `invalid_argument` when it was made
+  /// with other settings, is no file of results, or has a line that is not the next pair's. It stays as it is
+  /// then.
+  BatchResults(const std::string& file, const Json& settings,
+               std::function<std::uint64_t(std::uint64_t)> number);
 
   std::uint64_t done() const { return summary_.pairs; }  ///< pairs that have their line
   const BatchSummary& summary() const { return summary_; }
@@ -47,9 +51,12 @@ class BatchResults {
   void append(const std::vector<Json>& lines);
 
  private:
+  bool take_up(std::string_view line, bool whole);
+
   BatchSummary summary_;
-  std::string head_;
-  bool headed_ = false, other_settings_ = false;
+  const std::string file_, head_;
+  const std::function<std::uint64_t(std::uint64_t)> number_;
+  bool headed_ = false;
   io::LineLog log_;
 };
 

@@ -97,6 +97,7 @@ int run(Options& options) {
   const auto model = options.model.empty() ? untrained_model() : find_model(options.model);
   if (!model) return complain(model.error());
 
+  set_at_hand(std::to_string(options.pairs) + " pairs of " + std::to_string(options.points) + " points");
   std::vector<GeneratedPair> clouds;
   std::vector<CloudPair> pairs;
   for (std::uint64_t i = 0; i < options.pairs; ++i) {
@@ -149,9 +150,7 @@ int run(Options& options) {
                      {"precision", precision_name(options.run.plan.precision)},
                      {"as_defined", options.run.plan.as_defined}};
   if (options.json != "-") print(json);
-  if (const auto written = write_profile(options.run, *plan); !written) return complain(written.error());
-  if (options.json.empty()) return done;
-  const auto written = write_json(options.json, json);
+  const auto written = write_files({profile_writer(options.run, *plan), json_writer(options.json, json)});
   return written ? done : complain(written.error());
 }
 

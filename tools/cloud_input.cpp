@@ -35,6 +35,12 @@ bool too_few_points(const CloudInput& input, const Model& model) {
   return known && input.used.size() < known->low;
 }
 
+std::string described(const CloudInput& input) {
+  const std::size_t used = input.used.size(), all = input.cloud.size();
+  return input.path + " (" + (used == all ? "" : std::to_string(used) + " of ") + std::to_string(all) +
+         " points)";
+}
+
 void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode) {
   auto* model = add_model(app, options.model, "unless given, the first of them");
   app.add_flag("--complete-match", options.complete_match,

@@ -32,6 +32,9 @@ void choose_points(CloudInput& input, const CloudOptions& options, const Model& 
 /// Whether the model was trained on larger clouds.
 bool too_few_points(const CloudInput& input, const Model& model);
 
+/// "scan.ply (2048 of 1000000 points)".
+std::string described(const CloudInput& input);
+
 struct ModelChoice {
   std::string model;
   bool complete_match = false;

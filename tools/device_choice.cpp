@@ -126,6 +126,9 @@ void OpenDevice::save_cache() const {
   if (blob.empty() || blob == loaded_) return;
   std::error_code ignored;
   std::filesystem::create_directories(cache_file_.parent_path(), ignored);
+  // Nothing but a file keeps anything, and a pipe keeps its writer waiting.
+  const auto status = std::filesystem::status(cache_file_, ignored);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) return;
   (void)io::write_file(cache_file_, blob);
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bitr/data.hpp>
 #include <bitr/evaluate.hpp>
-#include <bitr/io.hpp>
 #include <bitr/picture.hpp>
 #include <bitr/train.hpp>
 #include <memory>
@@ -21,6 +20,7 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pair_list.hpp"
+#include "shape_files.hpp"
 #include "stopwatch.hpp"
 
 namespace bitr::tool {
@@ -114,6 +114,12 @@ Result<std::vector<Setting>> choose_settings(Options& options) {
   return settings;
 }
 
+std::vector<OutputFile> outputs(const Options& options) {
+  return {{"--csv", options.csv, "a table of pairs"},
+          {"--html", options.html, "a page"},
+          {"--json", options.json}};
+}
+
 Result<void> check_options(const Options& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
     return wrong("--keep " + Json(*options.keep).dump() + ": is not above 0 and up to 1");
@@ -127,10 +133,15 @@ Result<void> check_options(const Options& options) {
                    std::to_string(max_generated_points));
   std::vector<std::string> inputs = options.methods.models;
   inputs.push_back(options.pairs);
-  return check_outputs({{"--csv", options.csv, "a table of pairs"},
-                        {"--html", options.html, "a page"},
-                        {"--json", options.json}},
-                       inputs);
+  return check_outputs(outputs(options), inputs);
+}
+
+/// What is found out once they are listed.
+Result<void> check_not_read(const Options& options, const InputFiles& files) {
+  for (const OutputFile& output : outputs(options))
+    if (!output.path.empty() && files.has(output.path))
+      return wrong(std::string(output.option) + " " + output.path + ": would replace an input");
+  return {};
 }
 
 /// Pairs that are made of shapes, or those of a manifest.
@@ -336,6 +347,9 @@ int run(Options& options) {
   if (const auto checked = check_options(options); !checked) return complain(checked.error());
   const auto settings = choose_settings(options);
   if (!settings) return complain(settings.error());
+  set_at_hand(std::to_string(options.batch) + " pairs of " +
+              std::to_string(*std::max_element(options.points.begin(), options.points.end())) +
+              " points at once");
   auto methods = choose_methods(options.methods);
   if (!methods) return complain(methods.error());
 
@@ -349,9 +363,16 @@ int run(Options& options) {
     if (normals && !opened->without_normals().empty())
       return complain(bad_usage, "--pairs " + options.pairs + ": " + opened->without_normals() +
                                      " has no normals, which a model reads");
+    if (const auto checked = check_not_read(options, opened->files()); !checked)
+      return complain(checked.error());
     if (options.samples == 0) options.samples = opened->pairs();
     list = std::make_shared<const PairList>(std::move(*opened));
   } else {
+    if (!options.folder.empty()) {
+      const auto shapes = shape_files(options.folder);
+      if (!shapes) return complain(shapes.error());
+      if (const auto checked = check_not_read(options, *shapes); !checked) return complain(checked.error());
+    }
     if (options.samples == 0) options.samples = 200;
     choose_split(options, settings->front(), normals);
   }
@@ -398,13 +419,10 @@ int run(Options& options) {
     if (!drawn) return complain(run_failed, drawn.error().message);
     page = std::move(*drawn);
   }
-  const auto text_writer = [](const std::string& text) {
-    return [&text](const std::string& path) { return io::write_file(path, std::as_bytes(std::span(text))); };
-  };
-  const std::string csv = options.csv.empty() ? "" : to_csv(report);
-  const auto json = [&](const std::string& path) { return write_json(path, to_json(report)); };
   const auto written =
-      write_files({{options.csv, text_writer(csv)}, {options.html, text_writer(page)}, {options.json, json}});
+      write_files({{options.csv, [&](const std::string&) { return bytes_of(to_csv(report)); }},
+                   {options.html, [&](const std::string&) { return bytes_of(page); }},
+                   json_writer(options.json, to_json(report))});
   return written ? done : complain(written.error());
 }
 

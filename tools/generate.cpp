@@ -9,8 +9,10 @@
 
 #include "command.hpp"
 #include "data_sets/part.hpp"
+#include "io/formats.hpp"
 #include "options.hpp"
 #include "output.hpp"
+#include "shape_files.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -29,6 +31,14 @@ std::string numbered(const std::string& kind, std::uint64_t index) {
   std::string digits = std::to_string(index);
   if (digits.size() < 3) digits.insert(0, 3 - digits.size(), '0');
   return kind + "_" + digits;
+}
+
+struct PairFiles {
+  std::string source, reference, truth;
+};
+
+PairFiles files_of(const std::string& name) {
+  return {name + "_source.ply", name + "_reference.ply", name + "_truth.json"};
 }
 
 struct Made {
@@ -105,8 +115,9 @@ Json truth_json(const Made& made, const Options& options, std::uint64_t index, c
   }
   json["overlap"] = pair.overlap;
   json["symmetry"] = {{"axis", pair.symmetry.axis}, {"order", pair.symmetry.order}};
-  json["source"] = name + "_source.ply";
-  json["reference"] = name + "_reference.ply";
+  const PairFiles files = files_of(name);
+  json["source"] = files.source;
+  json["reference"] = files.reference;
   json["T_reference_source"] = matrix_json(pair.T_reference_source);
   json["T_source_object"] = matrix_json(pair.T_source_object);
   return json;
@@ -124,42 +135,58 @@ Result<void> check(const Options& options) {
   return {};
 }
 
+Result<void> check_folder(const Options& options, const std::filesystem::path& folder) {
+  std::error_code error;
+  if (options.kind != crops || !std::filesystem::exists(folder, error)) return {};
+  const auto shapes = shape_files(options.shapes);
+  if (!shapes) return tl::unexpected(shapes.error());
+  for (std::uint64_t i = 0; i < options.count; ++i) {
+    const PairFiles files = files_of(numbered(options.kind, i));
+    for (const std::string& file : {files.source, files.reference, files.truth})
+      if (shapes->has(folder / file))
+        return fail(ErrorCode::invalid_argument, "--out " + options.folder + ": " + file +
+                                                     " would replace a shape of --shapes " + options.shapes);
+  }
+  return {};
+}
+
 int run(Options& options) {
   options.pair.points = options.points;
   const bool cropped_anyway = options.kind == crops || data::is_cropped({.kind = options.kind});
   if (cropped_anyway && !options.pair.protocol) options.pair.protocol = Protocol::opposed;
   if (const auto valid = check(options); !valid) return complain(valid.error());
+  set_at_hand("pairs of " + std::to_string(options.points) + " points");
   const auto maker = Maker::open(options);
   if (!maker) return complain(maker.error());
   const std::filesystem::path folder = options.folder;
+  if (const auto valid = check_folder(options, folder); !valid) return complain(valid.error());
   std::string manifest;
   for (std::uint64_t i = 0; i < options.count; ++i) {
     const auto made = maker->make(i);
     if (!made) return complain(made.error());
-    if (i == 0) {
-      std::error_code error;
-      std::filesystem::create_directories(folder, error);
-      if (!std::filesystem::is_directory(folder))
-        return complain(bad_usage, "--out " + options.folder + ": cannot be made: " + error.message());
-    }
+    if (i == 0)
+      if (const auto there = make_folder("--out", options.folder); !there) return complain(there.error());
     const std::string name = numbered(options.kind, i);
-    auto written = io::write_ply(folder / (name + "_source.ply"), made->pair.source, options.encoding);
-    if (written)
-      written = io::write_ply(folder / (name + "_reference.ply"), made->pair.reference, options.encoding);
-    if (written) written = write_json(folder / (name + "_truth.json"), truth_json(*made, options, i, name));
+    const PairFiles files = files_of(name);
+    manifest +=
+        Json{{"name", name}, {"source", files.source}, {"reference", files.reference}, {"truth", files.truth}}
+            .dump() +
+        "\n";
+    const auto cloud = [&](const PointCloud& points) {
+      return [&](const std::string& path) { return io::ply_file(path, points, options.encoding); };
+    };
+    // The list comes with the last pair: whatever stops the run, pairs are whole and a list tells the truth.
+    const bool last = i + 1 == options.count;
+    const auto written = write_files({{folder / files.source, cloud(made->pair.source)},
+                                      {folder / files.reference, cloud(made->pair.reference)},
+                                      json_writer(folder / files.truth, truth_json(*made, options, i, name)),
+                                      {last ? (folder / (options.kind + ".jsonl")).string() : "",
+                                       [&](const std::string&) { return bytes_of(manifest); }}});
     if (!written) return complain(written.error());
-    manifest += Json{{"name", name},
-                     {"source", name + "_source.ply"},
-                     {"reference", name + "_reference.ply"},
-                     {"truth", name + "_truth.json"}}
-                    .dump() +
-                "\n";
     show_progress(std::to_string(i + 1) + " of " + std::to_string(options.count));
   }
   clear_progress();
   maker->warn_of_skipped();
-  const auto listed = io::write_file(folder / (options.kind + ".jsonl"), std::as_bytes(std::span(manifest)));
-  if (!listed) return complain(listed.error());
   std::cout << options.count << (options.count == 1 ? " pair" : " pairs") << " in " << options.folder << ", "
             << numbered(options.kind, 0) << "_{source,reference}.ply with _truth.json"
             << (options.count > 1 ? " and so on" : "") << ", and " << options.kind

@@ -5,7 +5,7 @@
 set -euo pipefail
 
 packages=(g++ cmake ninja-build libeigen3-dev libexpected-dev libnanoflann-dev nlohmann-json3-dev libzip-dev
-          liblzf-dev libcli11-dev libfccp-dev libpng-dev libvulkan-dev glslc)
+          liblzf-dev libcli11-dev libpng-dev libvulkan-dev glslc)
 if [[ ${1:-build} == test ]]; then
   # Two Vulkan drivers that compute on the CPU: Mesa's lavapipe, and SwiftShader out of Chromium's package. The
   # browser itself looks at pages.

@@ -1,8 +1,11 @@
 // bitr: the command.
 #include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
 #include <iostream>
 #include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "command.hpp"
@@ -18,6 +21,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "bitr " BITR_VERSION);
   app.require_subcommand(1);
   app.footer(
+      "The files of a result appear together or not at all; until then what they replace stays.\n\n"
       "Examples:\n"
       "  bitr generate copy --out clouds --count 1 --seed 1\n"
       "  bitr assemble clouds/copy_000_source.ply clouds/copy_000_reference.ply --complete-match -o "
@@ -46,22 +50,31 @@ int run(int argc, char** argv) {
       return complain(bad_usage, "\"" + unknown.front() + "\" is not known here; see --help");
     return complain(bad_usage, error.what());
   }
-  for (const Command& command : commands)
-    if (command.app->parsed()) return command.run();
+  for (const Command& command : commands) {
+    if (!command.app->parsed()) continue;
+    set_at_hand("bitr " + command.app->get_name());
+    return command.run();
+  }
   return complain(bad_usage, "no command");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  // A file over its limit is an error like a full disk.
+  std::signal(SIGXFSZ, SIG_IGN);
   int status = run_failed;
   try {
     status = run(argc, argv);
   } catch (const std::bad_alloc&) {
-    return complain(run_failed, "out of memory");
+    return complain(run_failed, at_hand() + "out of memory");
+  } catch (const std::system_error& error) {
+    return complain(run_failed, at_hand() + error.what());
   } catch (const std::exception& error) {
     return complain(run_failed, error.what());
   }
-  if (status == done && !std::cout.flush()) return complain(bad_usage, "standard output cannot be written");
+  // Text is printed to the same stream in two ways; the one does not notice that the other failed.
+  if (status == done && (!std::cout.flush() || std::ferror(stdout) != 0))
+    return complain(bad_usage, "standard output cannot be written");
   return status;
 }

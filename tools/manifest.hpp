@@ -4,6 +4,7 @@
 #include <bitr/pose.hpp>
 #include <bitr/result.hpp>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,7 +20,7 @@ struct ManifestEntry {
   std::optional<Pose> pose;  ///< the true pose where it stands in the manifest itself
 };
 
-/// Read line by line, so that its length does not matter. A table's first line names its columns: source,
+/// Read line by line, so that its length does not matter; a line may have a mebibyte. A table's first line names its columns: source,
 /// reference and, where they are wanted, truth and name; others are ignored. JSON lines (*.jsonl, *.ndjson,
 /// *.json) are objects with the same keys; "T_reference_source", a 4×4 matrix, may take the place of "truth".
 class Manifest {
@@ -32,6 +33,7 @@ class Manifest {
   ~Manifest();
 
   /// The next pair, nothing after the last, or `bad_file` with file and line: the pair after it comes next.
+  /// `io` when the file cannot be read any further.
   Result<std::optional<ManifestEntry>> next();
 
  private:
@@ -43,6 +45,9 @@ class Manifest {
 struct ManifestSummary {
   std::uint64_t pairs = 0, fingerprint = 0;
 };
-Result<ManifestSummary> summarise_manifest(const std::string& path);
+/// `check` is given every pair in turn, and its error ends it. Errors as of Manifest::open; `io` too when the
+/// file is one that can be read once only, as a pipe is.
+Result<ManifestSummary> summarise_manifest(
+    const std::string& path, const std::function<Result<void>(const ManifestEntry&)>& check = {});
 
 }  // namespace bitr::tool

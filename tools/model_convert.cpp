@@ -21,6 +21,7 @@ struct Options {
 int run(Options& options) {
   if (const auto checked = check_output("OUT", options.output, {options.input}); !checked)
     return complain(checked.error());
+  set_at_hand(options.input);
   options.model.name = std::filesystem::path(options.output).stem().string();
   const bool safetensors = std::filesystem::path(options.input).extension() == ".safetensors";
   const auto model = safetensors ? load_model(std::filesystem::path(options.input), options.model)

@@ -22,6 +22,7 @@ struct Options {
 int run(const Options& options) {
   if (const auto checked = check_output("--json", options.json, {options.input}); !checked)
     return complain(checked.error());
+  set_at_hand(options.input);
   const auto model = find_model(options.input);
   if (!model) return complain(model.error());
 

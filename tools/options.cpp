@@ -142,10 +142,8 @@ Result<OpenDevice> open_device(const RunOptions& options) {
 
 OutputFile profile_output(const RunOptions& options) { return {"--profile", options.profile, "a trace"}; }
 
-Result<void> write_profile(const RunOptions& options, const Plan& plan) {
-  if (options.profile.empty()) return {};
-  const std::string trace = chrome_trace(plan);
-  return io::write_file(options.profile, std::as_bytes(std::span(trace)));
+FileWriter profile_writer(const RunOptions& options, const Plan& plan) {
+  return {options.profile, [&plan](const std::string&) { return bytes_of(chrome_trace(plan)); }};
 }
 
 std::string_view precision_name(Precision precision) { return precision == Precision::f64 ? "f64" : "f32"; }

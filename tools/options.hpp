@@ -80,8 +80,8 @@ void add_run_options(CLI::App& app, RunOptions& options);
 Result<OpenDevice> open_device(const RunOptions& options);
 /// The file of --profile, for check_outputs.
 OutputFile profile_output(const RunOptions& options);
-/// The plan's last assemble(), if --profile was given.
-Result<void> write_profile(const RunOptions& options, const Plan& plan);
+/// The plan's last assemble(), for write_files; `plan` is to live until then.
+FileWriter profile_writer(const RunOptions& options, const Plan& plan);
 std::string_view precision_name(Precision precision);
 
 }  // namespace bitr::tool

@@ -1,16 +1,18 @@
 #include "output.hpp"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
-#include <bitr/io.hpp>
 #include <iostream>
 
 #include "command.hpp"
+#include "io/staged_files.hpp"
 
 namespace bitr::tool {
 namespace {
 
 bool progress_shown = false;
+std::string task;
 
 std::string one_line(std::string_view text) {
   std::string line;
@@ -45,8 +47,12 @@ int complain(int status, std::string_view message) {
 }
 
 int complain(const Error& error, std::string_view prefix) {
-  return complain(exit_status(error.code), std::string(prefix) + error.message);
+  const bool ours = error.code == ErrorCode::internal && !task.empty();
+  return complain(exit_status(error.code), (ours ? at_hand() : std::string(prefix)) + error.message);
 }
+
+void set_at_hand(std::string what) { task = std::move(what); }
+std::string at_hand() { return task.empty() ? "" : task + ": "; }
 
 void warn(std::string_view message) {
   clear_progress();
@@ -76,8 +82,14 @@ Result<void> check_output(std::string_view option, const std::string& path,
   if (!std::filesystem::is_directory(folder, error)) return refuse("its folder does not exist");
   if (access(folder.c_str(), W_OK | X_OK) != 0) return refuse("its folder cannot be written to");
   if (std::filesystem::is_directory(path, error)) return refuse("is a folder");
-  for (const std::string& input : inputs)
-    if (std::filesystem::equivalent(path, input, error)) return refuse("would replace an input");
+  const auto status = std::filesystem::status(path, error);
+  // What it leads to may be made meanwhile, by this command too, and it is not what was asked for.
+  if (!std::filesystem::exists(status) &&
+      std::filesystem::is_symlink(std::filesystem::symlink_status(path, error)))
+    return refuse("is a symbolic link to nothing");
+  InputFiles read;
+  for (const std::string& input : inputs) read.add(input);
+  if (read.has(path)) return refuse("would replace an input");
   return {};
 }
 
@@ -96,25 +108,62 @@ Result<void> check_outputs(const std::vector<OutputFile>& files, const std::vect
   return {};
 }
 
+void InputFiles::add(const std::string& path) {
+  struct stat status;
+  if (::stat(path.c_str(), &status) == 0) files_.emplace(status.st_dev, status.st_ino);
+}
+
+bool InputFiles::has(const std::string& path) const {
+  struct stat status;
+  return ::stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode) &&
+         files_.contains({status.st_dev, status.st_ino});
+}
+
+Result<void> make_folder(std::string_view option, const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return {};
+  // Making what is there already counts as a success, whatever it is.
+  const std::string why = error ? error.message() : "there is something else of that name";
+  return fail(ErrorCode::invalid_argument, std::string(option) + " " + path + ": cannot be made: " + why);
+}
+
+Bytes bytes_of(std::string_view text) {
+  const auto bytes = std::as_bytes(std::span(text));
+  return {bytes.begin(), bytes.end()};
+}
+
 Result<void> write_files(const std::vector<FileWriter>& files) {
-  for (auto file = files.begin(); file != files.end(); ++file) {
-    if (file->path.empty()) continue;
-    const auto written = file->write(file->path);
-    if (written) continue;
-    std::error_code ignored;
-    for (auto made = files.begin(); made != file; ++made)
-      if (std::filesystem::is_regular_file(made->path, ignored)) std::filesystem::remove(made->path, ignored);
-    return written;
+  io::StagedFiles staged;
+  std::optional<Bytes> shown;
+  for (const FileWriter& file : files) {
+    if (file.path.empty()) continue;
+    auto bytes = file.make(file.path);
+    if (!bytes) return tl::unexpected(bytes.error());
+    if (file.path == "-")
+      shown = std::move(*bytes);
+    else if (auto added = staged.add(file.path, *bytes); !added)
+      return added;
   }
-  return {};
+  if (shown &&
+      !std::cout
+           .write(reinterpret_cast<const char*>(shown->data()), static_cast<std::streamsize>(shown->size()))
+           .flush())
+    return fail(ErrorCode::io, "standard output cannot be written");
+  return staged.commit();
+}
+
+FileWriter json_writer(const std::string& path, const Json& json) {
+  if (path.empty()) return {};
+  // Names of files need not be UTF-8; JSON must be.
+  return {path, [text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"](const std::string&) {
+            return bytes_of(text);
+          }};
 }
 
 Result<void> write_json(const std::string& path, const Json& json) {
-  // Names of files need not be UTF-8; JSON must be.
-  const std::string text = json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-  if (path != "-") return io::write_file(path, std::as_bytes(std::span(text)));
-  std::cout << text;
-  return {};
+  return write_files({json_writer(path, json)});
 }
 
 Json matrix_json(const Pose& pose) {

@@ -26,6 +26,7 @@ Result<PairList> PairList::open(const std::string& path) {
     if (!next) return tl::unexpected(next.error());
     if (!*next) break;
     const ManifestEntry& entry = **next;
+    for (const std::string* file : {&entry.source, &entry.reference, &entry.truth}) list.files_.add(*file);
     const auto truth = read_optional_pose(entry.truth);
     if (!truth) return tl::unexpected(truth.error());
     if (!*truth && !entry.pose)

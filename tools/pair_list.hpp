@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "output.hpp"
+
 namespace bitr::tool {
 
 /// The pairs of a manifest, held in memory. A published truth is often near the identity and can be met by
@@ -18,6 +20,8 @@ class PairList {
   std::size_t pairs() const { return pairs_.size(); }
   /// A file without normals; empty when every cloud has them.
   const std::string& without_normals() const { return without_normals_; }
+  /// What was read: clouds and truths.
+  const InputFiles& files() const { return files_; }
   /// Pair index mod pairs(): of each cloud `points` at most, by chance; a motion up to the cloud's own
   /// length. The object's origin is the source's middle.
   DataSample sample(std::size_t index, std::size_t points, std::uint64_t seed) const;
@@ -30,6 +34,7 @@ class PairList {
   };
   std::vector<Known> pairs_;
   std::string without_normals_;
+  InputFiles files_;
 };
 
 }  // namespace bitr::tool

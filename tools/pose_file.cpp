@@ -68,14 +68,14 @@ Result<std::optional<Pose>> read_optional_pose(const std::string& path) {
   return *pose;
 }
 
-Result<void> write_pose(const std::string& path, const Pose& pose) {
+FileWriter pose_writer(const std::string& path, const Pose& pose) {
   const auto matrix = pose.matrix();
   std::string text;
   for (std::size_t i = 0; i < matrix.size(); ++i) {
     io::append(text, matrix[i]);
     text += i % 4 == 3 ? '\n' : ' ';
   }
-  return io::write_file(path, std::as_bytes(std::span(text)));
+  return {path, [text](const std::string&) { return bytes_of(text); }};
 }
 
 Result<Pose> parse_pose(const Json& matrix, const std::string& name) {

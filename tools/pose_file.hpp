@@ -17,8 +17,8 @@ Result<Pose> read_pose(const std::string& path);
 /// The same of an option's file; an empty path names none.
 Result<std::optional<Pose>> read_optional_pose(const std::string& path);
 
-/// Four lines of four numbers, each with as few digits as give its double back.
-Result<void> write_pose(const std::string& path, const Pose& pose);
+/// For write_files: four lines of four numbers, each with as few digits as give its double back.
+FileWriter pose_writer(const std::string& path, const Pose& pose);
 
 /// A 4×4 matrix, row by row. `bad_file` when it is no rigid motion; the message begins with `name`.
 Result<Pose> parse_pose(const Json& matrix, const std::string& name);

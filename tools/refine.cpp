@@ -8,6 +8,7 @@
 #include "command.hpp"
 #include "core/centroid.hpp"
 #include "device_choice.hpp"
+#include "io/formats.hpp"
 #include "joined_cloud.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -88,6 +89,7 @@ int run(const Options& options) {
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
 
+  set_at_hand("source " + options.source + ", reference " + options.reference);
   show_progress("reading");
   const Stopwatch total;
   const auto source = read(options.source, options.clouds);
@@ -105,6 +107,8 @@ int run(const Options& options) {
   }
 
   show_progress("refining");
+  set_at_hand("source " + options.source + " (" + std::to_string(source->size()) + " points), reference " +
+              options.reference + " (" + std::to_string(reference->size()) + " points)");
   const auto device = open_device(options.device);
   if (!device) return complain(device.error());
   const CloudPair pair = {*source, *reference};
@@ -119,17 +123,17 @@ int run(const Options& options) {
   if (end) follow(result.T_reference_source, centroid, *end);
   print_result(result, *how, end, *truth, options.json == "-" ? stderr : stdout);
   const auto cloud = [&](const std::string& path) {
-    return io::write_ply(path, joined_cloud(*source, *reference, result.T_reference_source));
-  };
-  const auto json = [&](const std::string& path) {
-    return write_json(path, result_json(options, result, *how, pair, **device, end, *truth, milliseconds));
+    return io::ply_file(path, joined_cloud(*source, *reference, result.T_reference_source));
   };
   const auto applied = [&](const std::string& path) {
-    return io::move_cloud_file(options.source, path, result.T_reference_source);
+    return io::moved_file(options.source, path, result.T_reference_source);
   };
-  const auto pose = [&](const std::string& path) { return write_pose(path, result.T_reference_source); };
-  const auto written = write_files(
-      {{options.output, cloud}, {options.applied, applied}, {options.pose_out, pose}, {options.json, json}});
+  const auto written =
+      write_files({{options.output, cloud},
+                   {options.applied, applied},
+                   pose_writer(options.pose_out, result.T_reference_source),
+                   json_writer(options.json, result_json(options, result, *how, pair, **device, end, *truth,
+                                                         milliseconds))});
   return written ? done : complain(written.error());
 }
 

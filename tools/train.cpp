@@ -32,7 +32,6 @@ void catch_signals() {
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second one ends the process at once
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);  // a file over its limit is an error like a full disk
 }
 
 std::string plural(std::size_t count, const std::string& what) {
@@ -178,6 +177,8 @@ int run(Options& options) {
     return done;
   }
   if (const auto checked = check(options, *resolved); !checked) return complain(checked.error());
+  set_at_hand("batches of " + std::to_string(resolved->batch) + " pairs of up to " +
+              std::to_string(resolved->data.points_high) + " points");
   const auto device = open_device(options.device);
   if (!device) return complain(device.error());
   catch_signals();

@@ -90,7 +90,8 @@ Result<void> check_move(const std::filesystem::path& in, const std::filesystem::
 
 /// Writes `bytes` atomically: a temporary file in the same folder, flushed, renamed over `path`. On failure
 /// (`io`) the temporary is gone and an older file is as it was. An existing file keeps its permissions, a
-/// symbolic link its target's place; pipes and devices are written to directly.
+/// symbolic link its target's place, and a link to nothing is refused; pipes and devices are written to
+/// directly. Temporaries that killed processes left in the folder are removed.
 Result<void> write_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
 /// Reads a whole file (or pipe) of up to 8 GiB into memory.

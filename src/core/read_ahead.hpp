@@ -3,18 +3,21 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace bitr {
 
 /// make(0), make(1), … one after the other, made ahead by threads of its own into a ring of places: which
-/// values come does not depend on how many threads there are. make() must not throw and, with more than one
-/// thread, may run for several numbers at once.
+/// values come does not depend on how many threads there are. What make() throws is thrown by the next() that
+/// asks for that value. With more than one thread make() may run for several numbers at once.
 template <class Value>
 class ReadAhead {
  public:
@@ -28,6 +31,8 @@ class ReadAhead {
       for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
     } catch (const std::system_error&) {
       // Those that started do the work; without any, next() does.
+    } catch (const std::bad_alloc&) {
+      // The same.
     }
   }
   ReadAhead(const ReadAhead&) = delete;
@@ -49,13 +54,13 @@ class ReadAhead {
       lock.unlock();
       return make_(number);
     }
-    std::optional<Value>& place = places_[given_ % places_.size()];
-    filled_.wait(lock, [&] { return place.has_value(); });
-    Value value = std::move(*place);
-    place.reset();
+    Place& place = places_[given_ % places_.size()];
+    filled_.wait(lock, [&] { return place.value || place.thrown; });
+    Place made = std::exchange(place, {});
     ++given_;
     room_.notify_one();
-    return value;
+    if (made.thrown) std::rethrow_exception(made.thrown);
+    return std::move(*made.value);
   }
 
   /// Values that next() has given.
@@ -65,6 +70,12 @@ class ReadAhead {
   }
 
  private:
+  /// A number's value, or what was thrown in its place.
+  struct Place {
+    std::optional<Value> value;
+    std::exception_ptr thrown;
+  };
+
   void work() {
     for (;;) {
       std::uint64_t number = 0;
@@ -74,20 +85,30 @@ class ReadAhead {
         if (stop_) return;
         number = taken_++;
       }
-      Value value = make_(number);
+      Place made = make(number);
       {
         const std::lock_guard lock(mutex_);
-        places_[number % places_.size()] = std::move(value);
+        places_[number % places_.size()] = std::move(made);
       }
       filled_.notify_one();
     }
+  }
+
+  Place make(std::uint64_t number) noexcept {
+    Place made;
+    try {
+      made.value.emplace(make_(number));
+    } catch (...) {
+      made.thrown = std::current_exception();
+    }
+    return made;
   }
 
   const Make make_;
   std::mutex callers_;  // one next() at a time
   mutable std::mutex mutex_;
   std::condition_variable room_, filled_;
-  std::vector<std::optional<Value>> places_;
+  std::vector<Place> places_;
   std::uint64_t taken_ = 0;  // numbers that threads have taken on
   std::uint64_t given_ = 0;
   bool stop_ = false;

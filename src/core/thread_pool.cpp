@@ -3,6 +3,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <new>
 #include <system_error>
 
 namespace bitr {
@@ -28,6 +29,8 @@ ThreadPool::ThreadPool(unsigned threads) {
     for (unsigned i = 1; i < count; ++i) workers_.emplace_back([this] { work(); });
   } catch (const std::system_error&) {
     // Those that started do the work.
+  } catch (const std::bad_alloc&) {
+    // The same.
   }
 }
 

@@ -49,7 +49,9 @@ Result<Sampler> Sampler::start(const DataSet& data, const SamplerOptions& option
   });
 }
 
-Result<DataSample> Sampler::next() { return queue_->next(); }
+Result<DataSample> Sampler::next() {
+  return guarded([&] { return queue_->next(); });
+}
 DataPosition Sampler::position() const { return queue_->position(); }
 
 }  // namespace bitr

@@ -35,8 +35,16 @@ std::string extension_of(const std::filesystem::path& path);
 /// The parser of the format.
 Result<Geometry> parse_file(const File& file, CloudFormat format);
 
-/// What write_ply puts in the file. `invalid_argument` for NaN or infinite values, and for normals or colours
-/// that are not one per point.
+/// `invalid_argument` for NaN or infinite values, and for normals or colours that are not one per point.
 Result<std::vector<std::byte>> serialize_ply(const PointCloud& cloud, PlyEncoding encoding);
+
+/// What write_ply puts in the file; `path` only labels errors, which are those of serialize_ply, and `io`
+/// when it does not fit in memory.
+Result<std::vector<std::byte>> ply_file(const std::filesystem::path& path, const PointCloud& cloud,
+                                        PlyEncoding encoding = PlyEncoding::binary_little_endian);
+
+/// What move_cloud_file puts in the file.
+Result<std::vector<std::byte>> moved_file(const std::filesystem::path& in, const std::filesystem::path& out,
+                                          const Pose& T);
 
 }  // namespace bitr::io

@@ -78,15 +78,19 @@ Result<PointCloud> read_cloud(const std::filesystem::path& path, const ReadOptio
   return cloud;
 }
 
-Result<void> write_ply(const std::filesystem::path& path, const PointCloud& cloud, PlyEncoding encoding) try {
-  const auto bytes = serialize_ply(cloud, encoding);
-  if (!bytes) {
-    return fail(bytes.error().code, text(label(path.native()), ": ", bytes.error().message));
-  }
-  return write_file(path, *bytes);
+Result<std::vector<std::byte>> ply_file(const std::filesystem::path& path, const PointCloud& cloud,
+                                        PlyEncoding encoding) try {
+  auto bytes = serialize_ply(cloud, encoding);
+  if (!bytes) bytes.error().message = text(label(path.native()), ": ", bytes.error().message);
+  return bytes;
 } catch (const std::bad_alloc&) {
   return fail(ErrorCode::io,
               text(label(path.native()), ": ", cloud.size(), " points are too many for memory"));
+}
+
+Result<void> write_ply(const std::filesystem::path& path, const PointCloud& cloud, PlyEncoding encoding) {
+  const auto bytes = ply_file(path, cloud, encoding);
+  return bytes ? write_file(path, *bytes) : tl::unexpected(bytes.error());
 }
 
 }  // namespace bitr::io

@@ -7,7 +7,6 @@
 #include "io/mover.hpp"
 
 namespace bitr::io {
-namespace {
 
 Result<std::vector<std::byte>> moved_file(const std::filesystem::path& in, const std::filesystem::path& out,
                                           const Pose& T) {
@@ -22,8 +21,6 @@ Result<std::vector<std::byte>> moved_file(const std::filesystem::path& in, const
   if (!bytes) return tl::unexpected(bytes.error());
   return moved_geometry(*bytes, *format, in.native(), T);
 }
-
-}  // namespace
 
 Result<std::vector<std::byte>> moved_geometry(std::span<const std::byte> bytes, CloudFormat format,
                                               std::string_view name, const Pose& T) try {

@@ -1,12 +1,15 @@
 // PCD 0.7: a text header of fields, then points in text, binary rows, or LZF-compressed binary columns.
 #include <lzf.h>
 
+#include <algorithm>
 #include <bit>
+#include <cstring>
 #include <limits>
 #include <optional>
 
 #include "io/cloud_builder.hpp"
 #include "io/lines.hpp"
+#include "io/lzf.hpp"
 #include "io/mover.hpp"
 #include "io/scalar.hpp"
 
@@ -15,6 +18,9 @@ namespace {
 
 constexpr int packed_color = role_count;  // one 0x00RRGGBB value, stored as an integer or as a float's bits
 constexpr std::size_t max_fields = 1024;
+// LZF packs 88 bytes that repeat into one, which a few bytes of file could turn into any amount of memory. No
+// cloud that was measured repeats itself so; one that was made up may, while it is no larger than this.
+constexpr std::uint64_t most_repeated_points = std::uint64_t{1} << 22;
 
 struct Field {
   std::string_view name;
@@ -210,27 +216,32 @@ Result<Geometry> parse_ascii(const File& file, const Header& header) {
   return assemble_geometry(std::move(*cloud), {});
 }
 
-// Rows and columns of binary data differ only in where a field starts and how far its values are apart.
-Result<Geometry> parse_table(const File& file, const Header& header, std::span<const std::byte> table,
-                             std::size_t table_offset, bool by_column) {
+/// The values of a field that means something: where the first one stands, and how far they are apart.
+struct Values {
+  const Field* field;
+  const std::byte* first;
+  std::uint64_t stride;
+};
+
+// Rows and columns of binary data differ only in where values stand. `row_bytes`: how far a row's place in the
+// file is from the one before.
+Result<Geometry> parse_table(const File& file, const Header& header, std::span<const Values> columns,
+                             std::uint64_t row_bytes) {
   CloudBuilder builder(file, header.normals, header.colors);
   builder.reserve(header.points);
   for (std::uint64_t i = 0; i < header.points; ++i) {
     Row row{};
-    for (const Field& field : header.fields) {
-      if (field.role == no_role) continue;
-      const std::uint64_t at =
-          by_column ? header.points * field.offset + i * (std::uint64_t{field.size} * field.count)
-                    : i * header.row_bytes + field.offset;
-      if (field.role == packed_color) {
-        unpack_color(load<std::uint32_t>(&table[at]), row);
+    for (const auto& [field, first, stride] : columns) {
+      const std::byte* at = first + i * stride;
+      if (field->role == packed_color) {
+        unpack_color(load<std::uint32_t>(at), row);
       } else {
-        row[field.role] = load_as<double>(field.scalar, &table[at]);
-        if (file.mover) file.mover->number(field.role, field.scalar, &table[at]);
+        row[field->role] = load_as<double>(field->scalar, at);
+        if (file.mover) file.mover->number(field->role, field->scalar, at);
       }
     }
-    const Place place = Place::byte(table_offset + (by_column ? 0 : i * header.row_bytes));
-    if (auto added = builder.add(row, place); !added) return tl::unexpected(added.error());
+    if (auto added = builder.add(row, Place::byte(header.bytes + i * row_bytes)); !added)
+      return tl::unexpected(added.error());
   }
   auto cloud = builder.finish();
   if (!cloud) return tl::unexpected(cloud.error());
@@ -243,7 +254,10 @@ Result<Geometry> parse_binary(const File& file, const Header& header) {
     return bad(file, Place::byte(header.bytes), header.points, " points need ",
                product(header.points, header.row_bytes), " bytes, ", table.size(), " remain");
   }
-  return parse_table(file, header, table, header.bytes, false);
+  std::vector<Values> columns;
+  for (const Field& field : header.fields)
+    if (field.role != no_role) columns.push_back({&field, table.data() + field.offset, header.row_bytes});
+  return parse_table(file, header, columns, header.row_bytes);
 }
 
 // The two sizes, then the block; empty when it is too large for them.
@@ -261,7 +275,46 @@ std::vector<std::byte> compressed(std::span<const std::byte> table) {
   return block;
 }
 
-Result<Geometry> parse_compressed(const File& file, const Header& header) {
+/// A column after the other: of each value of a field that means something, and of nothing else.
+class Columns {
+ public:
+  explicit Columns(const Header& header) : points_(header.points) {
+    for (const Field& field : header.fields)
+      if (field.role != no_role) columns_.push_back({&field, std::vector<std::byte>(points_ * field.size)});
+  }
+
+  /// A part of the unpacked block, which has every field's values, one field after the other.
+  void take(std::uint64_t offset, std::span<const std::byte> piece) {
+    const std::uint64_t end = offset + piece.size();
+    for (auto& [field, kept] : columns_) {
+      const std::uint64_t stride = std::uint64_t{field->size} * field->count, begin = points_ * field->offset;
+      std::uint64_t i = offset > begin ? (offset - begin) / stride : 0;
+      // Of several values the first counts.
+      for (std::uint64_t value = begin + i * stride; i < points_ && value < end; ++i, value += stride) {
+        const std::uint64_t from = std::max(value, offset), to = std::min(value + field->size, end);
+        if (from < to) std::memcpy(&kept[i * field->size + (from - value)], &piece[from - offset], to - from);
+      }
+    }
+  }
+
+  std::vector<Values> values() const {
+    std::vector<Values> all;
+    for (const auto& [field, kept] : columns_) all.push_back({field, kept.data(), field->size});
+    return all;
+  }
+
+ private:
+  std::uint64_t points_;
+  std::vector<std::pair<const Field*, std::vector<std::byte>>> columns_;
+};
+
+/// The sizes in front of a compressed block, and the block.
+struct Block {
+  std::uint32_t unpacked = 0;
+  std::span<const std::byte> packed;
+};
+
+Result<Block> compressed_block(const File& file, const Header& header) {
   const auto rest = file.bytes.subspan(header.bytes);
   const Place place = Place::byte(header.bytes);
   if (rest.size() < 8) return bad(file, place, "the two block sizes need 8 bytes, ", rest.size(), " remain");
@@ -277,19 +330,51 @@ Result<Geometry> parse_compressed(const File& file, const Header& header) {
   if (unpacked / 88 > packed) {
     return bad(file, place, packed, " compressed bytes cannot hold ", unpacked, "; LZF's limit is 88 to 1");
   }
+  if (header.points > std::max<std::uint64_t>(most_repeated_points, packed))
+    return bad(file, place, header.points, " points in ", packed, " compressed bytes; more than ",
+               most_repeated_points, " need a byte each");
   if (unpacked == 0) return refuse(ErrorCode::bad_file, file, "no points");
-  std::vector<std::byte> table(unpacked);
-  const unsigned written = lzf_decompress(rest.data() + 8, packed, table.data(), unpacked);
-  if (written != unpacked)
-    return bad(file, Place::byte(header.bytes + 8), "the LZF block is damaged: ", written, " of ", unpacked,
-               " bytes");
-  if (file.mover) file.mover->work_in(table);
-  auto read = parse_table(file, header, table, header.bytes, true);
-  if (!read || !file.mover) return read;
+  return Block{unpacked, rest.subspan(8, packed)};
+}
+
+template <class Take>
+Result<void> unpack(const File& file, const Header& header, const Block& block, Take take) {
+  const LzfUnpacked done = unpack_lzf(block.packed, block.unpacked, take);
+  if (done.whole) return {};
+  return bad(file, Place::byte(header.bytes + 8), "the LZF block is damaged after ", done.bytes, " of ",
+             block.unpacked, " bytes");
+}
+
+Result<Geometry> move_compressed(const File& file, const Header& header, const Block& block) {
+  std::vector<std::byte> table(block.unpacked);
+  const auto keep = [&](std::uint64_t offset, std::span<const std::byte> piece) {
+    std::copy(piece.begin(), piece.end(), table.begin() + static_cast<std::ptrdiff_t>(offset));
+  };
+  if (auto good = unpack(file, header, block, keep); !good) return tl::unexpected(good.error());
+  file.mover->work_in(table);
+  std::vector<Values> columns;
+  for (const Field& field : header.fields)
+    if (field.role != no_role)
+      columns.push_back(
+          {&field, table.data() + header.points * field.offset, std::uint64_t{field.size} * field.count});
+  auto read = parse_table(file, header, columns, 0);
+  if (!read) return read;
   const auto moved = compressed(table);
   if (moved.empty()) return refuse(ErrorCode::unsupported, file, "the moved block is over 2^32 bytes");
-  file.mover->replace(header.bytes, header.bytes + 8 + packed, moved);
+  file.mover->replace(header.bytes, header.bytes + 8 + block.packed.size(), moved);
   return read;
+}
+
+Result<Geometry> parse_compressed(const File& file, const Header& header) {
+  const auto block = compressed_block(file, header);
+  if (!block) return tl::unexpected(block.error());
+  if (file.mover) return move_compressed(file, header, *block);
+  Columns columns(header);
+  const auto good = unpack(file, header, *block, [&](std::uint64_t offset, std::span<const std::byte> piece) {
+    columns.take(offset, piece);
+  });
+  if (!good) return tl::unexpected(good.error());
+  return parse_table(file, header, columns.values(), 0);
 }
 
 }  // namespace

@@ -8,7 +8,8 @@ using Json = nlohmann::ordered_json;
 }  // namespace
 
 Metrics::Metrics(const std::filesystem::path& file, std::size_t step)
-    : log_(file, [&](std::string_view line) {
+    : log_(file, [&](std::string_view line, bool whole) {
+        if (!whole) return false;
         const Json json = Json::parse(line, nullptr, false);
         return json.is_object() && json.contains("step") && json["step"].is_number_unsigned() && step > 0 &&
                json["step"].get<std::size_t>() <= step && remember(json);

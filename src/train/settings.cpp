@@ -381,6 +381,13 @@ void put(Json& json, const TrainOverride& setting) {
   *at = std::move(value);
 }
 
+/// What a message of the JSON library has in single quotes.
+std::string number_in(std::string_view message) {
+  const std::size_t first = message.find('\''), last = message.rfind('\'');
+  return first < last && last != message.npos ? std::string(message.substr(first + 1, last - first - 1))
+                                              : "a number";
+}
+
 }  // namespace
 
 ModelConfig TrainOptions::trainable_config() {
@@ -408,6 +415,9 @@ Result<TrainOptions> parse_train_options(std::string_view json, const std::strin
     } catch (const Json::parse_error& error) {
       return fail(ErrorCode::bad_file,
                   file + ": byte " + std::to_string(error.byte) + ": not valid JSON (comments are allowed)");
+    } catch (const Json::out_of_range& error) {
+      return fail(ErrorCode::bad_file,
+                  file + ": " + number_in(error.what()) + " is beyond the largest number, about 1.8e308");
     }
     if (!document.is_object())
       return fail(ErrorCode::bad_file, file + ": holds " + document.type_name() + ", not an object");

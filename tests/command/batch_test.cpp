@@ -2,11 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
+#include <bitr/io.hpp>
+#include <bitr/model.hpp>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "run_command.hpp"
 
@@ -15,6 +19,7 @@ namespace {
 
 using nlohmann::json;
 using testing::AllOf;
+using testing::AnyOf;
 using testing::HasSubstr;
 
 constexpr int count = 7;
@@ -203,15 +208,8 @@ TEST_F(Batch, KeepsWhatIsThere) {
 
 TEST_F(Batch, FullDiskLeavesWholeLines) {
   const Folder out;
-  rlimit old{};
-  getrlimit(RLIMIT_FSIZE, &old);
   // Room for the settings and some pairs.
-  const rlimit tight{4000, old.rlim_max};
-  setrlimit(RLIMIT_FSIZE, &tight);
-  signal(SIGXFSZ, SIG_IGN);
-  const Finished full = run_command(batch(manifest_, out.path()));
-  setrlimit(RLIMIT_FSIZE, &old);
-  signal(SIGXFSZ, SIG_DFL);
+  const Finished full = run_limited(RLIMIT_FSIZE, 4000, batch(manifest_, out.path()));
   EXPECT_EQ(full.status, 2);
   EXPECT_THAT(full.err, HasSubstr("results.jsonl: cannot write"));
   const std::string left = read_text(results(out));
@@ -238,6 +236,205 @@ TEST_F(Batch, RefusesWithoutWriting) {
     EXPECT_THAT(refused.err, HasSubstr(message));
     EXPECT_FALSE(std::filesystem::exists(out)) << message;
   }
+}
+
+TEST_F(Batch, PassesOverALineThatIsTooLong) {
+  const std::string pair = "copy_000_source.ply,copy_000_reference.ply\n";
+  const std::string manifest =
+      clouds_.write("long.csv", "source,reference\n" + pair + std::string(17'000'000, 'a') + "\n" + pair);
+  const Folder out;
+  const Finished done = run_command(batch(manifest, out.path()));
+  EXPECT_EQ(done.status, 1) << done.err;
+  const auto found = lines(results(out));
+  ASSERT_EQ(found.size(), 3);
+  EXPECT_EQ(found[0]["status"], "ok");
+  EXPECT_EQ(found[1]["problem"], manifest + ", line 3: is over 1048576 bytes, the limit");
+  EXPECT_EQ(found[2]["transform"], found[0]["transform"]);
+  const Finished headless =
+      run_command(batch(clouds_.write("head.csv", std::string(17'000'000, 'a')), out.path() + "/new"));
+  EXPECT_EQ(headless.status, 2);
+  EXPECT_THAT(headless.err, HasSubstr("head.csv, line 1: is over 1048576 bytes"));
+}
+
+TEST_F(Batch, ReadsFieldsAsTablesQuoteThem) {
+  std::filesystem::copy(clouds_.path("copy_000_source.ply"), clouds_.path("a, \"b\".ply"));
+  const std::string manifest = clouds_.write("quoted.csv",
+                                             "\xef\xbb\xbfname,\"source\",reference\n\n"
+                                             " first pair ,\t\"a, \"\"b\"\".ply\" , copy_000_reference.ply\n"
+                                             ",\"a.ply,copy_000_reference.ply\n"
+                                             ",\"a.ply\"b,copy_000_reference.ply\n"
+                                             "last,copy_000_source.ply,copy_000_reference.ply,more\n");
+  const Folder out;
+  EXPECT_EQ(run_command(batch(manifest, out.path())).status, 1);
+  const auto found = lines(results(out));
+  ASSERT_EQ(found.size(), 4);
+  EXPECT_EQ(found[0]["name"], "first pair");
+  EXPECT_EQ(found[0]["status"], "ok");
+  EXPECT_THAT(found[1]["problem"].get<std::string>(), HasSubstr("line 4: a quote is not closed"));
+  EXPECT_THAT(found[2]["problem"].get<std::string>(), HasSubstr("line 5: something stands between"));
+  EXPECT_THAT(found[3]["problem"].get<std::string>(), HasSubstr("line 6: has 4 fields for 3 columns"));
+  EXPECT_THAT(run_command(batch(clouds_.write("twice.csv", "source,reference,source\n"), out.path())).err,
+              HasSubstr("names twice \"source\""));
+}
+
+TEST_F(Batch, RefusesAManifestThatCanBeReadOnce) {
+  ASSERT_EQ(mkfifo(clouds_.path("pipe.csv").c_str(), 0600), 0);
+  const Folder out;
+  const Finished refused = run_command(batch(clouds_.path("pipe.csv"), out.path()));
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("pipe.csv: is no regular file"));
+}
+
+TEST_F(Batch, GoesOnWithTheSameWeightsAlone) {
+  const std::string net = clouds_.path("net.safetensors");
+  const auto weights = [&](std::uint64_t seed) {
+    const auto model = untrained_model({}, seed);
+    ASSERT_TRUE(model) << model.error().message;
+    ASSERT_TRUE(io::write_file(net, serialize(*model)));
+  };
+  const auto with_net = [&](const std::string& out, std::vector<std::string> more) {
+    more.insert(more.begin(), {"batch", manifest_, "--out", out, "--model", net, "--backend", "cpu"});
+    return run_command(more);
+  };
+  const Folder out;
+  weights(1);
+  ASSERT_LT(with_net(out.path(), {}).status, 2);
+  const std::string before = read_text(results(out));
+  weights(2);
+  const Finished mixed = with_net(out.path(), {"--resume"});
+  EXPECT_EQ(mixed.status, 2);
+  EXPECT_THAT(mixed.err, HasSubstr("with another model"));
+  EXPECT_EQ(read_text(results(out)), before);
+  weights(1);
+  EXPECT_LT(with_net(out.path(), {"--resume"}).status, 2);
+}
+
+TEST_F(Batch, NoticesThatItsFolderIsGone) {
+  // A pair that is a pipe holds the run up until the folder is gone.
+  ASSERT_EQ(mkfifo(clouds_.path("pipe.ply").c_str(), 0600), 0);
+  const std::string manifest = clouds_.write(
+      "held.csv",
+      "source,reference\ncopy_000_source.ply,copy_000_reference.ply\npipe.ply,copy_000_reference.ply\n");
+  const Folder folder;
+  const std::string out = folder.path("out");
+  std::thread meddler([&] {
+    std::ofstream pipe(clouds_.path("pipe.ply"), std::ios::binary);  // waits for the reader
+    while (!std::filesystem::exists(out + "/results.jsonl"))
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::filesystem::remove_all(out);
+    pipe << read_text(clouds_.path("copy_000_source.ply"));
+  });
+  const Finished lost = run_command(batch(manifest, out));
+  meddler.join();
+  EXPECT_EQ(lost.status, 2);
+  EXPECT_THAT(lost.err, HasSubstr("results.jsonl: cannot write: No such file or directory"));
+}
+
+TEST_F(Batch, WritesOverNoneOfItsClouds) {
+  const Folder out;
+  const std::string own = out.path("pair_000000.ply"), linked = out.path("pair_000003.ply");
+  std::filesystem::copy(clouds_.path("copy_000_source.ply"), own);
+  std::filesystem::create_symlink(clouds_.path("copy_001_source.ply"), linked);
+  const std::string reference = clouds_.path("copy_000_reference.ply"),
+                    behind = clouds_.path("copy_001_source.ply");
+  for (const auto& [cloud, message] : {std::pair(own, own), {behind, behind}}) {
+    const std::string before = read_text(cloud);
+    const std::string manifest = clouds_.write("own.csv", "source,reference\n" + reference + "," + reference +
+                                                              "\n" + cloud + "," + reference + "\n");
+    const Finished refused = run_command(batch(manifest, out.path(), {"--assembled"}));
+    EXPECT_EQ(refused.status, 2);
+    EXPECT_THAT(refused.err, HasSubstr("--assembled: would replace " + message));
+    EXPECT_EQ(read_text(cloud), before);
+    EXPECT_FALSE(std::filesystem::exists(results(out)));
+  }
+}
+
+TEST_F(Batch, LeavesAForeignFileAlone) {
+  for (const std::string text : {"{\"a\":1}", "{\"a\":1}\n", "my notes", "[]\n{}\n"}) {
+    const Folder out;
+    out.write("results.jsonl", text);
+    const Finished refused = run_command(batch(manifest_, out.path(), {"--resume"}));
+    EXPECT_EQ(refused.status, 2) << text;
+    EXPECT_THAT(refused.err, HasSubstr("results.jsonl: does not begin as the results of a batch do")) << text;
+    EXPECT_EQ(read_text(results(out)), text);
+  }
+}
+
+TEST_F(Batch, TrustsNoLineThatItDidNotWrite) {
+  const Folder whole;
+  ASSERT_EQ(run_command(batch(manifest_, whole.path())).status, 0);
+  const std::string all = read_text(results(whole));
+  const std::size_t head = all.find('\n') + 1, second = all.find('\n', head) + 1;
+  const std::string settings = all.substr(0, head), rest = all.substr(head),
+                    first = all.substr(head, second - head);
+  const auto changed = [&](const char* key, const json& value) {
+    json line = json::parse(first);
+    line[key] = value;
+    return line.dump() + "\n";
+  };
+  for (const auto& [text, message] : std::vector<std::pair<std::string, std::string>>{
+           {"{\"pair\":39,\"status\":\"ok\"}\n" + rest,
+            "line 2, where that of pair 0 belongs, is of pair 39"},
+           {first + rest, "line 3, where that of pair 1 belongs, is of pair 0"},
+           {changed("errors", 5), "has \"errors\" without \"rotation_degrees\""},
+           {changed("errors", {{"rotation_degrees", "x"}}), "has \"errors\" without"},
+           {changed("confidence", {{"value", nullptr}}), "has \"confidence\" without"},
+           {changed("status", "fine"), "has a status that there is not"},
+           {changed("transform", 1), "has no \"transform\""},
+           {changed("name", 7), "has no \"name\""},
+           {"{\"pair\":\"0\"}\n", "has no number of a pair"},
+           {"not JSON\n", "is no JSON object"}}) {
+    const Folder out;
+    out.write("results.jsonl", settings + text);
+    const Finished refused = run_command(batch(manifest_, out.path(), {"--resume"}));
+    EXPECT_EQ(refused.status, 2) << message;
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("results.jsonl: line "), HasSubstr(message)));
+    EXPECT_EQ(read_text(results(out)), settings + text);
+  }
+}
+
+TEST_F(Batch, FollowsNoLinkToNothing) {
+  const Folder out, elsewhere;
+  std::filesystem::create_symlink(elsewhere.path("made"), results(out));
+  for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--resume"}}) {
+    const Finished refused = run_command(batch(manifest_, out.path(), more));
+    EXPECT_EQ(refused.status, 2);
+    EXPECT_THAT(refused.err, HasSubstr("results.jsonl: is a symbolic link to nothing"));
+  }
+  EXPECT_TRUE(elsewhere.names().empty());
+}
+
+TEST_F(Batch, SaysWhyItsFolderCannotBeMade) {
+  const Folder folder;
+  std::filesystem::create_symlink("nothing", folder.path("link"));
+  const Finished refused = run_command(batch(manifest_, folder.path("link")));
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("link: cannot be made: "));
+  EXPECT_THAT(refused.err, testing::Not(HasSubstr("Success")));
+}
+
+TEST_F(Batch, RunsOutOfMemoryWithAnError) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need more room than any limit here";
+#endif
+  const Finished large =
+      run_command({"generate", "copy", "--out", clouds_.path("large"), "--count", "1", "--points", "200000"});
+  ASSERT_EQ(large.status, 0) << large.err;
+  int short_of_it = 0;
+  for (const std::string& manifest : {manifest_, clouds_.path("large/copy.jsonl")}) {
+    for (std::uint64_t mebibytes = 24; mebibytes < 200; mebibytes += mebibytes / 8) {
+      const Folder out;
+      const Finished done = run_limited(RLIMIT_AS, mebibytes << 20, batch(manifest, out.path()));
+      // 127: there was no room for the program itself.
+      EXPECT_LE(done.status, 127) << mebibytes << " MiB: " << done.err;
+      if (done.status == 0 || done.status == 127) continue;
+      std::string said = done.err;
+      if (std::filesystem::exists(results(out))) said += read_text(results(out));
+      EXPECT_THAT(said, AnyOf(HasSubstr("out of memory"), HasSubstr("memory"))) << mebibytes << " MiB";
+      ++short_of_it;
+    }
+  }
+  EXPECT_GT(short_of_it, 0);
 }
 
 TEST(BatchOfAircraft, RefinesAndJudgesAsAssembleDoes) {

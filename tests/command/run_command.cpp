@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -58,6 +59,16 @@ Finished run_command(const std::vector<std::string>& arguments, const std::vecto
   int state = 0;
   waitpid(child, &state, 0);
   return {WIFEXITED(state) ? WEXITSTATUS(state) : 128 + WTERMSIG(state), read_text(out), read_text(err)};
+}
+
+Finished run_limited(int resource, std::uint64_t limit, const std::vector<std::string>& arguments) {
+  rlimit old{};
+  EXPECT_EQ(getrlimit(resource, &old), 0);
+  const rlimit tight{limit, old.rlim_max};
+  EXPECT_EQ(setrlimit(resource, &tight), 0);
+  Finished finished = run_command(arguments);
+  EXPECT_EQ(setrlimit(resource, &old), 0);
+  return finished;
 }
 
 int run_and_signal(const std::vector<std::string>& arguments, std::chrono::milliseconds wait, int signal) {

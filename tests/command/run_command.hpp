@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,6 +18,9 @@ struct Finished {
 /// `environment`: NAME=value, beside the test's own. The cache folder is a fresh one unless it says so.
 Finished run_command(const std::vector<std::string>& arguments,
                      const std::vector<std::string>& environment = {});
+
+/// run_command under a limit of the system's, as RLIMIT_FSIZE, that is lifted again.
+Finished run_limited(int resource, std::uint64_t limit, const std::vector<std::string>& arguments);
 
 /// Starts the command and lets it run that long before it gets the signal; returns its status as in Finished.
 int run_and_signal(const std::vector<std::string>& arguments, std::chrono::milliseconds wait, int signal);

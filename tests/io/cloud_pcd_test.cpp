@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 #include <lzf.h>
+#include <sys/resource.h>
 
 #include <bit>
 #include <cmath>
@@ -104,6 +105,61 @@ TEST(Pcd, BoundsDecompression) {
   EXPECT_NE(message(pcd(two + little(400u, 24u) + "abcd")).find("400 bytes, 4 remain"), std::string::npos);
   EXPECT_NE(message(pcd(two + little(4u, 36u) + "abcd")).find("2 points need 24 bytes, the block holds 36"),
             std::string::npos);
+}
+
+std::uint64_t peak_bytes() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
+}
+
+TEST(Pcd, TakesMemoryForTheFieldsThatMeanSomething) {
+  // A last field that unpacks to 256 MiB of nothing.
+  constexpr std::size_t points = 1 << 16, rest = 1 << 12;
+  std::string columns;
+  for (const float value : {1.f, 2.f, 3.f})
+    for (std::size_t i = 0; i < points; ++i) columns += little(value + static_cast<float>(i));
+  const std::size_t meaning = columns.size();
+  std::string file = "FIELDS x y z rest\nSIZE 4 4 4 1\nTYPE F F F U\nCOUNT 1 1 1 " + std::to_string(rest) +
+                     "\nWIDTH " + std::to_string(points) + "\nHEIGHT 1\nDATA binary_compressed\n";
+  // Packed by hand: to have it all in memory would hide what the reader takes.
+  std::string block;
+  for (std::size_t at = 0; at < meaning; at += 32) block += '\x1f' + columns.substr(at, 32);
+  block += std::string("\0\0", 2);
+  std::size_t left = points * rest - 1;
+  for (; left >= 264; left -= 264) block += "\xe0\xff" + std::string(1, '\0');
+  for (; left > 0; --left) block += std::string("\0\0", 2);
+  file +=
+      little(static_cast<std::uint32_t>(block.size()), static_cast<std::uint32_t>(meaning + points * rest)) +
+      block;
+  const std::uint64_t before = peak_bytes();
+  const auto read = pcd(file);
+  ASSERT_TRUE(read) << message(read);
+  ASSERT_EQ(read->cloud.size(), points);
+  EXPECT_EQ(read->cloud.positions.back(), (Vec3d{65536, 65537, 65538}));
+  EXPECT_LT(peak_bytes() - before, std::uint64_t{32} << 20);
+}
+
+TEST(Pcd, TakesTheFirstOfSeveralValues) {
+  const std::string header =
+      "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 2 1 3\nWIDTH 2\nHEIGHT 1\nDATA binary_compressed\n";
+  const auto read =
+      pcd(header + stored(little(1.f, -1.f, 4.f, -1.f, 2.f, 5.f, 3.f, -1.f, -1.f, 6.f, -1.f, -1.f)));
+  ASSERT_TRUE(read) << message(read);
+  EXPECT_EQ(read->cloud.positions, (std::vector<Vec3d>{{1, 2, 3}, {4, 5, 6}}));
+}
+
+TEST(Pcd, BoundsPointsThatRepeat) {
+  const auto file = [](std::uint32_t points) {
+    return "FIELDS x y z\nSIZE 1 1 1\nTYPE U U U\nWIDTH " + std::to_string(points) +
+           "\nHEIGHT 1\nDATA binary_compressed\n" + compressed(std::string(3 * std::size_t{points}, '\1'));
+  };
+  const std::uint32_t most = 1 << 22;
+  const auto read = pcd(file(most));
+  ASSERT_TRUE(read) << message(read);
+  EXPECT_EQ(read->cloud.size(), most);
+  EXPECT_NE(message(pcd(file(most + 1))).find("more than 4194304 need a byte each"), std::string::npos)
+      << message(pcd(file(most + 1)));
 }
 
 }  // namespace

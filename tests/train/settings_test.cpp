@@ -56,6 +56,9 @@ TEST(Settings, MissingOnesKeepTheirDefaultsAndCommentsAreAllowed) {
 
 TEST(Settings, ErrorsNameFileKeyValueAndLimit) {
   EXPECT_THAT(error_of("{"), HasSubstr("run.json: byte 2: not valid JSON"));
+  EXPECT_EQ(error_of("{\"steps\": 1e999}"), "run.json: 1e999 is beyond the largest number, about 1.8e308");
+  EXPECT_EQ(error_of("{}", {{"steps", "1e999", "--set steps=1e999"}}),
+            "--set steps=1e999: steps is \"1e999\", must be a whole number in 1 … 1000000000");
   EXPECT_THAT(error_of("[]"), HasSubstr("run.json: holds array, not an object"));
   EXPECT_EQ(error_of("{\"optimizer\": {\"lr\": 2}}"),
             "run.json: optimizer.lr is 2, must be a number in 0 … 1");
