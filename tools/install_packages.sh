@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Installs the Debian packages that a build needs, and the npm packages of viewer/; calls apt and npm only when
 # something is missing.
-#   tools/install_packages.sh [build|test]
+#   tools/install_packages.sh [build|test] [PACKAGE...]
 set -euo pipefail
 
 packages=(g++ cmake ninja-build libeigen3-dev libexpected-dev libnanoflann-dev nlohmann-json3-dev libzip-dev
           liblzf-dev libcli11-dev libpng-dev libvulkan-dev glslc)
+packages+=("${@:2}")
 if [[ ${1:-build} == test ]]; then
   # Two Vulkan drivers that compute on the CPU: Mesa's lavapipe, and SwiftShader out of Chromium's package. The
   # browser itself looks at pages.
