@@ -98,6 +98,8 @@ def check(root, modules):
     for path in modules:
         name = path.name.removesuffix(".plain.spv")
         stem = name if name in headers else name.rpartition("_")[0]  # a variant is of that
+        if stem not in headers:
+            raise ValueError(f"{path}: no such shader in {shaders}")
         if header := headers[stem]:
             plain = Module(path)
             check_bindings(header, plain, problems)

@@ -229,6 +229,12 @@ class CheckHeadersTest(unittest.TestCase):
         clear.unlink()
         self.assertIn("clear.plain.spv", self.check()[2])
 
+    def test_module_of_no_shader(self):
+        self.modules[-1] = self.modules[-1].rename(self.root / "wipe.plain.spv")
+        status, lines, errors = self.check()
+        self.assertEqual((status, lines), (1, []))
+        self.assertIn("wipe.plain.spv: no such shader in ", errors)
+
 
 if __name__ == "__main__":
     unittest.main()
