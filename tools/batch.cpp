@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "answer.hpp"
+#include "api/internal.hpp"
 #include "api/pack.hpp"
 #include "assembly_report.hpp"
 #include "batch_results.hpp"
@@ -299,7 +300,7 @@ std::string hex(std::uint64_t number) {
 std::uint64_t fingerprint_of(const Model& model) {
   // Written as they are kept in files, and then in full: a file may hold doubles.
   std::uint64_t fingerprint = fnv1a(serialize(model));
-  for (const auto& [name, matrix] : model.weights().parameters)
+  for (const auto& [name, matrix] : Internal::weights(model).parameters)
     fingerprint =
         fnv1a(std::as_bytes(std::span(matrix.data(), static_cast<std::size_t>(matrix.size()))), fingerprint);
   return fingerprint;
