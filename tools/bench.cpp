@@ -93,11 +93,11 @@ int run(Options& options) {
   const auto checked =
       check_outputs({{"--json", options.json}, profile_output(options.run)}, {options.model});
   if (!checked) return complain(checked.error());
+  set_at_hand(std::to_string(options.pairs) + " pairs of " + std::to_string(options.points) + " points");
   options.run.plan.mode = options.mode;
   const auto model = options.model.empty() ? untrained_model() : find_model(options.model);
   if (!model) return complain(model.error());
 
-  set_at_hand(std::to_string(options.pairs) + " pairs of " + std::to_string(options.points) + " points");
   std::vector<GeneratedPair> clouds;
   std::vector<CloudPair> pairs;
   for (std::uint64_t i = 0; i < options.pairs; ++i) {

@@ -77,12 +77,17 @@ Result<void> check_output(std::string_view option, const std::string& path,
     return fail(ErrorCode::invalid_argument, std::string(option) + " " + path + ": " + std::string(why));
   };
   std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (std::filesystem::is_directory(status)) return refuse("is a folder");
+  if (std::filesystem::is_other(status)) {
+    // Pipes and devices are written to where they are.
+    if (access(path.c_str(), W_OK) != 0) return refuse("cannot be written to");
+    return {};
+  }
   std::filesystem::path folder = std::filesystem::path(path).parent_path();
   if (folder.empty()) folder = ".";
   if (!std::filesystem::is_directory(folder, error)) return refuse("its folder does not exist");
   if (access(folder.c_str(), W_OK | X_OK) != 0) return refuse("its folder cannot be written to");
-  if (std::filesystem::is_directory(path, error)) return refuse("is a folder");
-  const auto status = std::filesystem::status(path, error);
   // What it leads to may be made meanwhile, by this command too, and it is not what was asked for.
   if (!std::filesystem::exists(status) &&
       std::filesystem::is_symlink(std::filesystem::symlink_status(path, error)))

@@ -3,8 +3,8 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 
-#include <array>
 #include <string>
+#include <vector>
 
 #include "core/failure.hpp"
 
@@ -49,7 +49,7 @@ void LineLog::open() {
 
 void LineLog::read(const Keep& keep) {
   std::string rest;
-  std::array<char, 1 << 16> block;
+  std::vector<char> block(1 << 16);
   for (;;) {
     const ssize_t got = ::read(descriptor_.get(), block.data(), block.size());
     if (got < 0 && errno == EINTR) continue;

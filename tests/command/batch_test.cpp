@@ -19,7 +19,6 @@ namespace {
 
 using nlohmann::json;
 using testing::AllOf;
-using testing::AnyOf;
 using testing::HasSubstr;
 
 constexpr int count = 7;
@@ -332,7 +331,7 @@ TEST_F(Batch, NoticesThatItsFolderIsGone) {
 
 TEST_F(Batch, WritesOverNoneOfItsClouds) {
   const Folder out;
-  const std::string own = out.path("pair_000000.ply"), linked = out.path("pair_000003.ply");
+  const std::string own = out.path("pair_000000.ply"), linked = out.path("pair_000001.ply");
   std::filesystem::copy(clouds_.path("copy_000_source.ply"), own);
   std::filesystem::create_symlink(clouds_.path("copy_001_source.ply"), linked);
   const std::string reference = clouds_.path("copy_000_reference.ply"),
@@ -430,7 +429,7 @@ TEST_F(Batch, RunsOutOfMemoryWithAnError) {
       if (done.status == 0 || done.status == 127) continue;
       std::string said = done.err;
       if (std::filesystem::exists(results(out))) said += read_text(results(out));
-      EXPECT_THAT(said, AnyOf(HasSubstr("out of memory"), HasSubstr("memory"))) << mebibytes << " MiB";
+      EXPECT_THAT(said, HasSubstr("memory")) << mebibytes << " MiB";
       ++short_of_it;
     }
   }
