@@ -2,10 +2,14 @@
 // driver, which are simulated by putting functions that fail in place of its own.
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <bitr/vulkan.hpp>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "api/internal.hpp"
 #include "property/network.hpp"
+#include "vk/commands.hpp"
 
 namespace bitr {
 namespace {
@@ -125,6 +129,57 @@ TEST_F(VulkanPlan, SavesAndTakesItsPipelineCache) {
   ASSERT_TRUE(again);
   EXPECT_EQ(test::solve(*again, source_.view(), reference_.view()).T_reference_source.rotation,
             expected.T_reference_source.rotation);
+}
+
+// The application's clouds in buffers of its own, at any stride, in a command buffer of its own.
+TEST_F(VulkanPlan, RecordedByAnApplicationGivesTheSamePose) {
+  const Device device = test::device_on(Backend::vulkan);
+  auto plan = this->plan(device);
+  ASSERT_TRUE(plan) << plan.error().message;
+  const Pose expected = test::solve(*plan, source_.view(), reference_.view()).T_reference_source;
+  const vk::Context& context = *Internal::context(device);
+  for (const std::uint32_t stride : {3u, 5u}) {
+    SCOPED_TRACE(stride);
+    // Nothing between the points may be read.
+    const auto uploaded = [&](const ExactCloud& cloud) {
+      const std::size_t count = cloud.positions.size() * stride;
+      vk::Buffer buffer(context, count * sizeof(float), true);
+      auto* numbers = reinterpret_cast<float*>(buffer.data());
+      std::fill_n(numbers, count, std::numeric_limits<float>::quiet_NaN());
+      for (std::size_t i = 0; i < cloud.positions.size(); ++i)
+        for (std::size_t a = 0; a < 3; ++a)
+          numbers[i * stride + a] = static_cast<float>(cloud.positions[i][a]);
+      return buffer;
+    };
+    const vk::Buffer source = uploaded(source_), reference = uploaded(reference_);
+    const vk::Buffer poses(context, 16 * sizeof(float), true);
+    const std::uint32_t source_sizes[] = {60}, reference_sizes[] = {75};
+    vk::Commands commands(context);
+    const VkCommandBuffer recording = commands.buffers(1).front();
+    commands.begin(recording);
+    const auto recorded = vk::record(recording, *plan,
+                                     {.source_positions = {source.handle()},
+                                      .reference_positions = {reference.handle()},
+                                      .position_stride = stride,
+                                      .source_sizes = source_sizes,
+                                      .reference_sizes = reference_sizes,
+                                      .poses = {poses.handle()}});
+    ASSERT_TRUE(recorded) << recorded.error().message;
+    const VkMemoryBarrier written{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER,
+                                  .pNext = nullptr,
+                                  .srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT,
+                                  .dstAccessMask = VK_ACCESS_HOST_READ_BIT};
+    context.vk().CmdPipelineBarrier(recording, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT,
+                                    VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written, 0, nullptr, 0, nullptr);
+    commands.end(recording);
+    commands.submit(recording);
+    commands.wait();
+    const std::span<const float> m(reinterpret_cast<const float*>(poses.data()), 16);
+    const Pose found{{m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]}, {m[3], m[7], m[11]}};
+    EXPECT_LE(rotation_error_degrees(found, expected), 0.05);
+    EXPECT_LE(translation_error(found, expected), 1e-3);
+    EXPECT_THAT(m.subspan(12), testing::ElementsAre(0, 0, 0, 1));
+  }
 }
 
 // The driver's own functions, while a device has failing ones in their place.
