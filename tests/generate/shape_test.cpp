@@ -22,7 +22,7 @@ using test::chi_square_excess;
 
 constexpr double pi = std::numbers::pi;
 
-std::unique_ptr<Part> ball(double radius, double x = 0) {
+std::unique_ptr<Primitive> ball(double radius, double x = 0) {
   std::vector<double> stations;
   for (int i = 0; i <= 24; ++i) stations.push_back(x - radius * std::cos(pi * i / 24));
   return std::make_unique<Loft>(
@@ -34,7 +34,7 @@ std::unique_ptr<Part> ball(double radius, double x = 0) {
       stations, 24);
 }
 
-std::unique_ptr<Part> cylinder(double radius, double length) {
+std::unique_ptr<Primitive> cylinder(double radius, double length) {
   return std::make_unique<Loft>(
       Vector3d::UnitX(), Vector3d::UnitY(), Outline::round,
       [=](double) { return Section{.half_u = radius, .half_v = radius}; },

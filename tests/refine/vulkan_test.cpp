@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 
+#include "api/internal.hpp"
 #include "core/thread_pool.hpp"
 #include "refine/vulkan_plans.hpp"
 #include "support/golden_refinement.hpp"
@@ -19,7 +20,7 @@ class RefineVulkan : public testing::Test {
  protected:
   void SetUp() override {
     if (!test::vulkan()) GTEST_SKIP() << "no Vulkan device";
-    device_.emplace(std::make_shared<ThreadPool>(2), test::vulkan());
+    device_ = Internal::device(std::make_shared<ThreadPool>(2), test::vulkan());
   }
   const Device& device() const { return *device_; }
 
