@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "run_command.hpp"
+#include "support/paths.hpp"
 
 namespace bitr::test {
 namespace {
@@ -59,7 +60,7 @@ TEST_F(Outputs, OverTheSystemsLimitOfAFileAreAnError) {
   const std::string earlier = out.write("u.ply", "an earlier one");
   const std::string model = out.path("m.safetensors");
   const Finished larger =
-      run_command({"model", "convert", std::string(BITR_SOURCE_DIR) + "/models/aircraft.safetensors", model});
+      run_command({"model", "convert", (source_dir() / "models/aircraft.safetensors").string(), model});
   ASSERT_EQ(larger.status, 0) << larger.err;
   const Folder fresh;
   for (const auto& words : {assemble({"--pose", fresh.path("p.txt"), "-o", earlier}),
