@@ -69,7 +69,7 @@ void load_batch(uint base, uint step, uint end) {
   loaded1 = VECTORS > 1 ? references[loaded_row + 1] : vec4(0);
 }
 
-// Of the i-th of a batch; infinite past the end, and of the query itself.
+// The squared distance of the i-th of a batch; infinite past the end, and for the query itself.
 float distance_of(uint base, uint step, int i, uint end, uint self) {
   const uint row = base + i * step, from = min(row, end - 1);
   float sum = squared(0.0, query0, candidate(loaded0, from * VECTORS, i), DIM);

@@ -296,7 +296,7 @@ std::string hex(std::uint64_t number) {
   return digits;
 }
 
-/// Of all that a pose depends on, whatever the model is called.
+/// Changes with all that a pose depends on, whatever the model is called.
 std::uint64_t fingerprint_of(const Model& model) {
   // Written as they are kept in files, and then in full: a file may hold doubles.
   std::uint64_t fingerprint = fnv1a(serialize(model));

@@ -10,7 +10,7 @@ namespace {
 
 std::string line_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
-/// Of whatever batch.
+/// Whether the line is the head of some batch's results.
 bool is_head(std::string_view line) {
   const Json json = Json::parse(line, nullptr, false);
   return json.is_object() && json.contains("manifest") && json.contains("manifest_fingerprint");

@@ -14,7 +14,7 @@ using Words = std::vector<Word>;
 
 /// What the shader expects; what the library has no use for is a std::runtime_error.
 struct Interface {
-  std::vector<std::string> bindings;  ///< of set 0, from 0: names of vk::Access
+  std::vector<std::string> bindings;  ///< set 0's, from 0: names of vk::Access
   std::string parameters;             ///< the structure of its push constants; empty: none
   Word parameter_bytes = 0;
   Word specializations = 0;  ///< constants 0 … n−1; 0 is the work group's size

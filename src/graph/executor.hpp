@@ -55,7 +55,7 @@ class Executor {
   virtual const Graph& graph() const = 0;
   virtual const BatchLayout& layout() const = 0;
   virtual std::size_t workspace_bytes() const = 0;
-  /// Of the last run.
+  /// What the last run asked of the device.
   virtual Counters counters() const { return {}; }
   /// Milliseconds per node of the last run; zeros where the device has no clock.
   virtual const std::vector<double>& node_milliseconds() const = 0;

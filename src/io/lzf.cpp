@@ -10,7 +10,7 @@ constexpr std::size_t furthest = 8192;               // that a repetition reache
 constexpr std::size_t longest = 264;                 // that one step unpacks
 constexpr std::size_t piece = std::size_t{1} << 20;  // that is given away at once
 constexpr unsigned first_repetition = 32,
-                   long_run = 7;  // of a step's first byte, and of its upper three bits
+                   long_run = 7;  // in a step's first byte, and in its upper three bits
 
 class Unpacker {
  public:

@@ -289,7 +289,7 @@ class Columns {
     for (auto& [field, kept] : columns_) {
       const std::uint64_t stride = std::uint64_t{field->size} * field->count, begin = points_ * field->offset;
       std::uint64_t i = offset > begin ? (offset - begin) / stride : 0;
-      // Of several values the first counts.
+      // The first of several values counts.
       for (std::uint64_t value = begin + i * stride; i < points_ && value < end; ++i, value += stride) {
         const std::uint64_t from = std::max(value, offset), to = std::min(value + field->size, end);
         if (from < to) std::memcpy(&kept[i * field->size + (from - value)], &piece[from - offset], to - from);

@@ -16,13 +16,13 @@ enum class LayerPart : std::uint8_t { all, values_keys, values, keys, query, pro
 
 /// What a node was made from.
 struct Origin {
-  std::vector<std::size_t> nodes;   ///< of the source graph: those whose work it does, or a part of it
-  LayerPart part = LayerPart::all;  ///< of the attention layer among them, if there is one
+  std::vector<std::size_t> nodes;   ///< those of the source graph whose work it does, or a part of it
+  LayerPart part = LayerPart::all;  ///< which part of the attention layer among them, if there is one
 };
 
 /// A graph made from another, and where its nodes came from.
 struct DerivedGraph : graph::Graph {
-  std::vector<Origin> origins;  ///< of the first nodes, those that came from the source
+  std::vector<Origin> origins;  ///< for the first nodes, those that came from the source
 };
 
 /// As defined: each attention layer becomes edge geometry, convolutions, linear maps and attention. Its

@@ -18,7 +18,7 @@ struct CloudCoefficients {
   PointAttention layer;  ///< the layer on the points' own features, with per-cloud coefficients
 
   double float_error() const { return 1e-6; }
-  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error(), on Vulkan
 };
 
 }  // namespace bitr::ops

@@ -18,6 +18,10 @@ namespace bitr::ops {
 /// smooth_error.
 constexpr double kink_error = 1e-3, smooth_error = 2e-5;
 
+/// What the CPU holds for every operation's gradient, relative to the larger of the output's largest entry and
+/// a hundredth of all outputs' largest one.
+constexpr double cpu_gradient_error = 1e-4;
+
 template <class Operation>
 struct Gradient {
   Operation op;
@@ -36,7 +40,7 @@ struct Gradient {
     if constexpr (requires { Operation::gradient_error; })
       return Operation::gradient_error;
     else
-      return 1e-4;
+      return cpu_gradient_error;
   }
 
  private:

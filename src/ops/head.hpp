@@ -31,7 +31,7 @@ struct Head {
   Eigen::RowVectorXd vector_mix, matrix_mix;  ///< 1 × channels of (1,0)/(0,1) and of (1,1)
 
   double float_error() const { return 2e-5; }
-  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error(), on Vulkan
 };
 
 }  // namespace bitr::ops

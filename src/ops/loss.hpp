@@ -43,7 +43,7 @@ struct Loss {
   LossKind kind = LossKind::direct;
 
   double float_error() const { return 1e-5; }
-  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error()
+  static constexpr double gradient_error = 1e-5;  ///< Gradient::float_error(), on Vulkan
 };
 
 }  // namespace bitr::ops

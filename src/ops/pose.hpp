@@ -19,7 +19,7 @@ struct ProjectPose {
   static constexpr double singular_value_error = 1e-6;  ///< relative to the largest of them
 
   double float_error() const { return 1e-4; }
-  static constexpr double gradient_error = 1e-3;  ///< Gradient::float_error()
+  static constexpr double gradient_error = 1e-3;  ///< Gradient::float_error(), on Vulkan
 };
 
 }  // namespace bitr::ops

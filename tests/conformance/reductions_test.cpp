@@ -73,7 +73,7 @@ TEST_P(SoftmaxSums, EqualSoftmaxThenSumAndThePlainLoop) {
     EXPECT_LE(largest_difference(both[1].values, plain(skip)), bound);
   };
   check(double{}, 1e-13);
-  check(float{}, ops::SoftmaxSum{}.float_error());
+  check(float{}, 0.1 * ops::SoftmaxSum{}.float_error());
 }
 
 INSTANTIATE_TEST_SUITE_P(Ranges, SoftmaxSums, testing::Values(0.0, 1.0, 30.0, 4096.0));

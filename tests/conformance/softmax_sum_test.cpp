@@ -42,7 +42,7 @@ SumRun make_run(const Shape& shape, const BatchLayout& layout, double range) {
   return run;
 }
 
-// Largest error over the largest entry of any of the sums.
+// Largest error over the largest entry of a tensor of sums: these inputs need a tenth of the bound.
 void check(const SumRun& run, const BatchLayout& layout) {
   ThreadPool pool(2);
   const auto exact = test::run_op<double>(run.op, layout, run.inputs, run.outputs, pool);
@@ -55,7 +55,7 @@ void check(const SumRun& run, const BatchLayout& layout) {
       worst = std::max(worst, std::abs(device[v].values[i] - exact[v].values[i]));
       largest = std::max(largest, std::abs(exact[v].values[i]));
     }
-    EXPECT_LE(worst, run.op.float_error() * largest) << "tensor " << v;
+    EXPECT_LE(worst, 0.1 * run.op.float_error() * largest) << "tensor " << v;
   }
 }
 

@@ -1,4 +1,4 @@
-// Parts, compounds and the shapes made of them.
+// Primitives, compounds and the shapes made of them.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
