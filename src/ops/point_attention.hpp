@@ -49,7 +49,8 @@ struct PointAttention {
     const int from = c0 + 1;
     return heads * n0() * from + m0 * heads * n0() + m0 * from + heads * from * from + m0 * heads * from;
   }
-  double float_error() const { return relu_error(2e-5, relu_square); }
+  /// Logits of trained models reach far into the exponent: 2.8e-5 was measured without a ReLU.
+  double float_error() const { return relu_error(4e-5, relu_square); }
 };
 
 }  // namespace bitr::ops

@@ -73,7 +73,7 @@ inline std::vector<OpTensor> run_op_vulkan(const ops::Op& op, const graph::Batch
                                            const std::vector<OpTensor>& inputs,
                                            const std::vector<OpTensor>& outputs) try {
   vk::Executor executor(vulkan(), graph_of(op, inputs, outputs), layout, {.guard_bytes = guard_bytes});
-  return run_node(executor, layout, inputs);
+  return run_node(executor, layout, inputs, outputs.size());
 } catch (const Failure& failure) {
   ADD_FAILURE() << failure.what();
   return {};
