@@ -15,6 +15,7 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
+#include "solve_run.hpp"
 #include "stopwatch.hpp"
 
 namespace bitr::tool {
@@ -22,7 +23,7 @@ namespace {
 
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
-  bool verify = false;
+  bool verify = false, solve = false;
   ModelChoice model;
   CloudOptions clouds;
   AnswerChoice answer;
@@ -105,6 +106,21 @@ int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
+  if (options.solve) {
+    SolveRun run{options.source,
+                 options.reference,
+                 options.output,
+                 options.applied,
+                 options.pose,
+                 options.image,
+                 options.json,
+                 options.truth,
+                 options.clouds,
+                 options.run.device,
+                 {}};
+    if (options.answer.strict) run.least_confidence = options.answer.least_confidence;
+    return run_solve(run);
+  }
   auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
   how->swap_residual = true;
@@ -198,6 +214,11 @@ Command add_assemble(CLI::App& root) {
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
                 "Also evaluate the pair as defined in double precision and compare every stage");
+  app->add_flag(
+         "--solve", options->solve,
+         "By the clouds' geometry instead of a network: for clouds that overlap, with or without normals")
+      ->excludes("--model", "--verify", "--view", "--refine", "--translation-only", "--yaw-only", "--answers",
+                 "--no-confidence", "--complete-match");
   app->footer(
       "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"
