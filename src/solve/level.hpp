@@ -37,6 +37,9 @@ struct Level {
   std::vector<Vec3d> normals;  ///< one unit vector per point, of either sign
   std::vector<char> rim;       ///< whether the surface ends here
   bool given_normals = false;  ///< their signs are the cloud's own
+  /// To be taken for the skin of a body that no other can be in: its normals point outwards, and another solid
+  /// touches it from outside or not at all.
+  bool solid = false;
   PointRows rows{points};
   std::unique_ptr<PointTree> tree;
 

@@ -18,6 +18,21 @@ constexpr double beyond_doubt = 0.9;
 // With this a finer level is not worth its time either.
 constexpr double likely = 0.7;
 
+// Of the points of a closed surface hardly any is on a rim.
+constexpr double most_rim = 0.02;
+// What two views of one closed surface share, at least.
+constexpr double least_copy = 0.8;
+
+bool closed(const Level& level) {
+  const auto rim = static_cast<double>(std::count(level.rim.begin(), level.rim.end(), 1));
+  return rim <= most_rim * static_cast<double>(level.size());
+}
+
+void make_solid(Level& level, const Neighbours& near) {
+  level.solid = true;
+  level.normals = signed_normals(level, near, level.given_normals ? Signs::given : Signs::spread);
+}
+
 class Search {
  public:
   Search(std::unique_ptr<LevelPair> level, ThreadPool& pool)
@@ -39,7 +54,10 @@ class Search {
     if (fresh.size() > most_settled) fresh.resize(most_settled);
     tried_.insert(tried_.end(), fresh.begin(), fresh.end());
     each(fresh, [&](Candidate& c) {
-      c.T = icp(level_->source, level_->reference, c.T, {.iterations = 15});
+      // What only touches draws from no distance.
+      const double reach = level_->source.solid ? 0.5 : 1;
+      c.T = icp(level_->source, level_->reference, c.T,
+                {.catches = 3 * reach, .ends = 1.5 * reach, .iterations = 15});
       c.fit = fit(level_->source, level_->reference, c.T);
     });
     poses_.insert(poses_.end(), fresh.begin(), fresh.end());
@@ -121,6 +139,26 @@ std::vector<SignRule> rules_for(const LevelPair& level) {
   return rules;
 }
 
+// Two closed surfaces are one object seen twice, whole, or two bodies, which touch and do no more.
+bool pieces_of_solids(const Search& search) {
+  if (!closed(search.level().source) || !closed(search.level().reference)) return false;
+  if (search.poses().empty()) return true;
+  const Fit& fit = search.poses()[0].fit;
+  return std::min(fit.source.near, fit.reference.near) < least_copy;
+}
+
+// Poses in which the two are solids; null where none touches.
+std::unique_ptr<Search> touch(std::unique_ptr<LevelPair> level, ThreadPool& pool) {
+  make_solid(level->source, level->near_source);
+  make_solid(level->reference, level->near_reference);
+  auto search = std::make_unique<Search>(std::move(level), pool);
+  const bool given = search->level().source.given_normals && search->level().reference.given_normals;
+  search->take(search->proposer().of_matches({given ? Signs::given : Signs::spread, true}));
+  search->finish();
+  if (search->poses().empty() || !(search->poses()[0].fit.score > 0)) return nullptr;
+  return search;
+}
+
 }  // namespace
 
 Settled find_poses(const Prepared& source, const Prepared& reference, bool geometry,
@@ -148,6 +186,10 @@ Settled find_poses(const Prepared& source, const Prepared& reference, bool geome
     if (search->believes(likely)) break;
   }
   search->finish();
+  if (geometry && pieces_of_solids(*search))
+    if (auto touching =
+            touch(levels(source, reference, level_points[1], reach, descriptor_neighbours, pool), pool))
+      search = std::move(touching);
   return std::move(*search).result();
 }
 

@@ -69,7 +69,8 @@ std::vector<std::string> reasons(const Solution& solution) {
                    [](const Reason& a, const Reason& b) { return a.weight > b.weight; });
   std::vector<std::string> texts;
   for (Reason& reason : found) texts.push_back(std::move(reason.text));
-  if (texts.empty() && solution.best.confidence < 0.5) texts.emplace_back("the clouds fit too little to tell");
+  if (texts.empty() && solution.best.confidence < 0.5)
+    texts.emplace_back("the clouds fit too little to tell");
   return texts;
 }
 

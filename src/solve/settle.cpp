@@ -68,6 +68,7 @@ class Step {
   void add(const Eigen::Vector3d& p, const Eigen::Vector3d& np, const Eigen::Vector3d& q, Eigen::Vector3d nq,
            double squared) {
     double cosine = np.dot(nq);
+    if (source_.solid && cosine > 0) return;
     if (cosine < 0) nq = -nq, cosine = -cosine;
     if (cosine < least_cosine) return;
     const double near = 1 - squared / (reach_ * reach_), weight = near * near * cosine;

@@ -27,7 +27,7 @@ struct IcpOptions {
   std::size_t points = 1000;  ///< of both clouds together that look for a counterpart
 };
 /// Point to plane, looking from both clouds, every counterpart by Tukey's biweight and the angle of its normals
-/// up to sign.
+/// up to sign; of solids, only those that face each other.
 Pose icp(const Level& source, const Level& reference, const Pose& start, const IcpOptions& options);
 
 }  // namespace bitr::solving

@@ -65,6 +65,24 @@ inline PointCloud sphere(Random& random, std::size_t count, double radius = 1) {
   return cloud;
 }
 
+/// The closed skin of a block over [-1, 1]² from `low` up to `high`, about evenly sampled.
+inline PointCloud block(Random& random, std::size_t count, const std::function<double(double, double)>& low,
+                        const std::function<double(double, double)>& high) {
+  PointCloud cloud;
+  while (cloud.positions.size() < count) {
+    const double x = random.uniform(-1, 1), y = random.uniform(-1, 1), side = random.uniform(0, 4);
+    if (side < 1) {
+      cloud.positions.push_back({x, y, low(x, y)});
+    } else if (side < 2) {
+      cloud.positions.push_back({x, y, high(x, y)});
+    } else {
+      const double edge = y < 0 ? -1 : 1, px = side < 3 ? edge : x, py = side < 3 ? x : edge;
+      cloud.positions.push_back({px, py, random.uniform(low(px, py), high(px, py))});
+    }
+  }
+  return cloud;
+}
+
 struct Scene {
   PointCloud source, reference;
   Pose truth;  ///< T_reference_source

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bitr/generate.hpp>
+#include <bitr/model.hpp>
 #include <numeric>
 
 #include "solve/scenes.hpp"
@@ -42,6 +43,17 @@ TEST(Solve, GeneratedObjectsThatOverlap) {
     const GeneratedPair pair = aircraft(seed, 0.75);
     expect_right(solved(pair.source, pair.reference), pair.T_reference_source, 1);
   }
+}
+
+TEST(Solve, HalvesOfABrokenBlock) {
+  Random random(21);
+  const PointCloud lower = block(
+                       random, 6000, [](double, double) { return -1.2; }, hills),
+                   upper = block(random, 6000, hills, [](double x, double) { return 1 + 0.2 * x; });
+  const Pose a = random_pose(random), b = random_pose(random);
+  const Solution solution = solved(moved(lower, a), moved(upper, b));
+  EXPECT_LE(rotation_error_degrees(solution.best.T_reference_source, b * a.inverse()), 2);
+  EXPECT_LE(farthest_apart(solution.best.T_reference_source, b * a.inverse(), moved(lower, a)), 0.1);
 }
 
 TEST(Solve, WhatLooksTheSameUpsideDownIsNamed) {
@@ -122,6 +134,28 @@ TEST(Solve, SameBitsOnAnyNumberOfThreadsAndAmongOtherPairs) {
   for (const unsigned threads : {1u, 2u, 4u}) expect_same(solved(scene.pair(), threads));
   const CloudPair both[] = {other.pair(), scene.pair()};
   expect_same((*solve(cpu_device(2), both))[1]);
+}
+
+TEST(Solve, NetworksProposeToo) {
+  const GeneratedPair whole = aircraft(6, 0.6);
+  const Device device = cpu_device(2);
+  const auto model = shipped_model("aircraft");
+  ASSERT_TRUE(model);
+  auto plan = make_plan(device, *model, {.pairs = 1, .points = 2048});
+  ASSERT_TRUE(plan);
+  Plan* const plans[] = {&*plan};
+  const Solution solution =
+      solved({whole.source, whole.reference}, 2, {.networks = plans, .geometry = false});
+  EXPECT_EQ(solution.best.proposal, "aircraft");
+  // Settled: nearer than the network's own answer.
+  EXPECT_LE(rotation_error_degrees(solution.best.T_reference_source, whole.T_reference_source), 3);
+  // A plan that is too small has no answer, and is no error.
+  auto small = make_plan(device, *model, {.pairs = 1, .points = 300});
+  ASSERT_TRUE(small);
+  Plan* const smaller[] = {&*small};
+  EXPECT_EQ(
+      solved({whole.source, whole.reference}, 2, {.networks = smaller, .geometry = false}).best.confidence,
+      0);
 }
 
 TEST(Solve, RowsThatAreNotFiniteAreLeftOut) {
