@@ -2,7 +2,6 @@
 #include <CLI/CLI.hpp>
 #include <bitr/assemble.hpp>
 #include <bitr/io.hpp>
-#include <bitr/picture.hpp>
 #include <bitr/view.hpp>
 #include <filesystem>
 #include <memory>
@@ -17,6 +16,7 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
+#include "solve_run.hpp"
 #include "stopwatch.hpp"
 
 namespace bitr::tool {
@@ -24,7 +24,7 @@ namespace {
 
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
-  bool verify = false;
+  bool verify = false, solve = false;
   ModelChoice model;
   CloudOptions clouds;
   AnswerChoice answer;
@@ -73,11 +73,6 @@ std::string view_report(const AssemblyReport& report) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly) {
-  const auto image = render_picture(source, reference, assembly);
-  return image ? encode_png(*image) : tl::unexpected(image.error());
-}
-
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
   const Assembly& assembly = report.answer.assembly;
@@ -108,6 +103,21 @@ int run(Options& options) {
   if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
+  if (options.solve) {
+    SolveRun run{options.source,
+                 options.reference,
+                 options.output,
+                 options.applied,
+                 options.pose,
+                 options.image,
+                 options.json,
+                 options.truth,
+                 options.clouds,
+                 options.run.device,
+                 {}};
+    if (options.answer.strict) run.least_confidence = options.answer.least_confidence;
+    return run_solve(run);
+  }
   auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
   how->swap_residual = true;
@@ -203,6 +213,11 @@ Command add_assemble(CLI::App& root) {
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
                 "Also evaluate the pair as defined in double precision and compare every stage");
+  app->add_flag(
+         "--solve", options->solve,
+         "By the clouds' geometry instead of a network: for clouds that overlap, with or without normals")
+      ->excludes("--model", "--verify", "--view", "--refine", "--translation-only", "--yaw-only", "--answers",
+                 "--no-confidence", "--complete-match");
   app->footer(
       "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"

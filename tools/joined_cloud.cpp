@@ -1,5 +1,7 @@
 #include "joined_cloud.hpp"
 
+#include <bitr/picture.hpp>
+
 namespace bitr::tool {
 
 PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
@@ -26,6 +28,11 @@ PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
     joined.colors.resize(joined.size(), blue);
   }
   return joined;
+}
+
+Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly) {
+  const auto image = render_picture(source, reference, assembly);
+  return image ? encode_png(*image) : tl::unexpected(image.error());
 }
 
 }  // namespace bitr::tool

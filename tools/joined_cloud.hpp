@@ -1,8 +1,11 @@
 // The picture of a result: both clouds in the reference's frame.
 #pragma once
 
+#include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
 #include <bitr/pose.hpp>
+
+#include "output.hpp"
 
 namespace bitr::tool {
 
@@ -11,5 +14,8 @@ namespace bitr::tool {
 /// them.
 PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
                         const Pose& T_reference_source);
+
+/// Both clouds before and after, as the bytes of a PNG file.
+Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly);
 
 }  // namespace bitr::tool

@@ -11,3 +11,4 @@
 #include <bitr/pose.hpp>
 #include <bitr/refine.hpp>
 #include <bitr/result.hpp>
+#include <bitr/solve.hpp>

@@ -12,7 +12,7 @@ if(KIND STREQUAL installed)
     list(APPEND options -DCMAKE_DISABLE_FIND_PACKAGE_${private}=ON)
   endforeach()
 else()
-  list(APPEND options -DBITR_SOURCE=${BITR_SOURCE})
+  list(APPEND options -DBITR_SOURCE=${BITR_SOURCE} -DBITR_SPIRV_CACHE=${SPIRV_CACHE})
 endif()
 run(${CMAKE_COMMAND} -G Ninja -S ${CMAKE_CURRENT_LIST_DIR}/${KIND} -B ${WORK}/build ${options})
 
@@ -22,7 +22,7 @@ else()
   # Compiling the library's sources again would show nothing new. All the rest is tried: that every one of them has a rule,
   # the consumer's own unit, and its link, with the library of the developers' build in the place of its own.
   run(${CMAKE_COMMAND} --build ${WORK}/build --target consumer -- -n)
-  run(${CMAKE_COMMAND} --build ${WORK}/build --target CMakeFiles/consumer.dir/main.cpp.o)
+  run(${CMAKE_COMMAND} --build ${WORK}/build --target consumer_unit)
   file(COPY ${BITR_BUILD}/src/libbitr.a DESTINATION ${WORK}/build/bitr/src)
   execute_process(COMMAND ${NINJA} -C ${WORK}/build -t commands -s consumer OUTPUT_VARIABLE link
                   COMMAND_ERROR_IS_FATAL ANY)

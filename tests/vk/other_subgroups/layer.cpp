@@ -25,20 +25,24 @@ using bitr::test::erased;
 using bitr::test::key_of;
 using bitr::test::take_link;
 
+// The next layer's functions, asked for while the instance is made: later on the loader, which is the last to be asked,
+// gives those of the first layer.
 struct Instance {
   VkInstance handle = VK_NULL_HANDLE;
   PFN_vkGetInstanceProcAddr next = nullptr;
+  PFN_vkCreateDevice create_device = nullptr;
+  PFN_vkGetPhysicalDeviceProperties2 get_properties = nullptr;
+  PFN_vkEnumerateDeviceExtensionProperties enumerate_extensions = nullptr;
 };
 
 std::mutex mutex;
 std::map<void*, Instance> instances;
 std::map<void*, PFN_vkGetDeviceProcAddr> devices;
 
-template <typename Function, typename Handle>
-Function next_of_instance(Handle handle, const char* name) {
+template <typename Handle>
+Instance instance_of(Handle handle) {
   const std::lock_guard lock(mutex);
-  const Instance& instance = instances.at(key_of(handle));
-  return reinterpret_cast<Function>(instance.next(instance.handle, name));
+  return instances.at(key_of(handle));
 }
 
 template <typename Function>
@@ -73,8 +77,15 @@ VkResult VKAPI_CALL create_instance(const VkInstanceCreateInfo* info, const VkAl
   const auto create = reinterpret_cast<PFN_vkCreateInstance>(next(nullptr, "vkCreateInstance"));
   const VkResult result = create(info, allocation, instance);
   if (result != VK_SUCCESS) return result;
+  const auto function = [&]<typename Function>(Function& to, const char* name) {
+    to = reinterpret_cast<Function>(next(*instance, name));
+  };
+  Instance made{.handle = *instance, .next = next};
+  function(made.create_device, "vkCreateDevice");
+  function(made.get_properties, "vkGetPhysicalDeviceProperties2");
+  function(made.enumerate_extensions, "vkEnumerateDeviceExtensionProperties");
   const std::lock_guard lock(mutex);
-  instances[key_of(*instance)] = {*instance, next};
+  instances[key_of(*instance)] = made;
   return result;
 }
 
@@ -83,7 +94,7 @@ VkResult VKAPI_CALL create_device(VkPhysicalDevice physical_device, const VkDevi
   const auto* link =
       take_link<VkLayerDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO);
   if (!link) return VK_ERROR_INITIALIZATION_FAILED;
-  const auto create = next_of_instance<PFN_vkCreateDevice>(physical_device, "vkCreateDevice");
+  const auto create = instance_of(physical_device).create_device;
   const auto next = link->pfnNextGetDeviceProcAddr;
   const VkResult result = create(physical_device, info, allocation, device);
   if (result != VK_SUCCESS) return result;
@@ -96,8 +107,7 @@ VkResult VKAPI_CALL create_device(VkPhysicalDevice physical_device, const VkDevi
 }
 
 void VKAPI_CALL get_properties(VkPhysicalDevice device, VkPhysicalDeviceProperties2* properties) {
-  next_of_instance<PFN_vkGetPhysicalDeviceProperties2>(device, "vkGetPhysicalDeviceProperties2")(device,
-                                                                                                 properties);
+  instance_of(device).get_properties(device, properties);
   for (auto* at = static_cast<VkBaseOutStructure*>(properties->pNext); at; at = at->pNext) {
     if (at->sType == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SUBGROUP_PROPERTIES) {
       replace("SUBGROUPS_REPORTED", reinterpret_cast<VkPhysicalDeviceSubgroupProperties*>(at)->subgroupSize);
@@ -115,9 +125,7 @@ void VKAPI_CALL get_properties(VkPhysicalDevice device, VkPhysicalDeviceProperti
 
 VkResult VKAPI_CALL enumerate_extensions(VkPhysicalDevice device, const char* layer, std::uint32_t* count,
                                          VkExtensionProperties* properties) {
-  const auto enumerate = next_of_instance<PFN_vkEnumerateDeviceExtensionProperties>(
-      device, "vkEnumerateDeviceExtensionProperties");
-  const VkResult result = enumerate(device, layer, count, properties);
+  const VkResult result = instance_of(device).enumerate_extensions(device, layer, count, properties);
   if (!properties || !std::getenv("SUBGROUPS_HIDDEN")) return result;
   for (std::uint32_t i = 0; i < *count; ++i)
     if (std::strcmp(properties[i].extensionName, VK_EXT_SUBGROUP_SIZE_CONTROL_EXTENSION_NAME) == 0)
@@ -166,7 +174,9 @@ PFN_vkVoidFunction VKAPI_CALL device_function(VkDevice device, const char* name)
 
 PFN_vkVoidFunction VKAPI_CALL instance_function(VkInstance instance, const char* name) {
   if (const auto own = own_function(name)) return own;
-  return instance ? next_of_instance<PFN_vkVoidFunction>(instance, name) : nullptr;
+  if (!instance) return nullptr;
+  const Instance known = instance_of(instance);
+  return known.next(known.handle, name);
 }
 
 }  // namespace

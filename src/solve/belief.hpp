@@ -1,0 +1,22 @@
+// From evidence to numbers that can be acted on.
+#pragma once
+
+#include <vector>
+
+#include "solve/propose.hpp"
+
+namespace bitr::solving {
+
+/// The probability that each pose is the true one, the poses being distinct and the best first. The best has what
+/// its margin to the next, its score less what conflict takes, the number of points that touch and its slack leave
+/// it, as a product; of the rest the others have their share by their scores, of which again only what their own
+/// scores leave them. `slacks` are of the first few.
+std::vector<double> beliefs(const std::vector<Candidate>& poses, const std::vector<double>& slacks);
+
+/// How far the next distinct pose's score is below the best one's, as a share of it.
+double margin(const std::vector<Candidate>& poses);
+
+/// Of a fit: points hovering over the other's surface, as a share of those and the ones with a counterpart.
+double conflict_share(const Fit& fit);
+
+}  // namespace bitr::solving
