@@ -102,7 +102,7 @@ TEST_P(Threads, KernelsShareADevice) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Backends, Threads, testing::Values(Backend::cpu, Backend::vulkan),
-                         [](const auto& info) { return std::string(name(info.param)); });
+                         [](const auto& backend) { return std::string(name(backend.param)); });
 
 }  // namespace
 }  // namespace bitr

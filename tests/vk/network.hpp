@@ -11,12 +11,13 @@ namespace bitr::test {
 struct VulkanNetwork {
   ModelConfig config;
   graph::Graph graph;
+  Random random{42};  ///< its own: clouds do not depend on the tests before
   CloudBatch batch;
 
   VulkanNetwork(const std::vector<std::array<std::size_t, 2>>& pairs, const ModelConfig& c = {})
       : config(c),
         graph(model::fold(model::build_graph(perturbed_weights(c, 3), Mode::scale_exact))),
-        batch(random(), pairs) {}
+        batch(random, pairs) {}
 
   graph::BatchLayout layout() const { return batch.layout(config.num_key_points); }
   vk::Capacity capacity() const {
@@ -27,12 +28,6 @@ struct VulkanNetwork {
   std::vector<float> run(graph::Executor& executor) const {
     batch.run(executor, config.num_key_points);
     return executor.read<float>(graph::Output::pose);
-  }
-
- private:
-  static Random& random() {
-    static Random random(42);
-    return random;
   }
 };
 
