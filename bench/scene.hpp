@@ -14,9 +14,8 @@ class Scene {
  public:
   Scene(const graph::Graph& graph, const ModelConfig& config, Size size)
       : graph_(graph), size_(size), pairs_(make_pairs(size)) {
-    std::vector<CloudPair> clouds;
-    for (const GeneratedPair& pair : pairs_) clouds.push_back({pair.source, pair.reference});
-    batch_ = pack(config, Precision::f32, shape_of(clouds), clouds).value();
+    for (const GeneratedPair& pair : pairs_) views_.push_back({pair.source, pair.reference});
+    batch_ = pack(config, Precision::f32, shape_of(views_), views_).value();
     // In the order of the generator, as every recorded time has it.
     for (std::vector<std::uint32_t>& order : batch_.order) std::iota(order.begin(), order.end(), 0U);
   }
@@ -50,7 +49,8 @@ class Scene {
   const graph::Graph& graph_;
   const Size size_;
   std::vector<GeneratedPair> pairs_;
-  PackedBatch batch_;
+  std::vector<CloudPair> views_;  // into pairs_
+  PackedBatch batch_;             // into views_
   const Device cpu_ = cpu_device();
   std::unique_ptr<graph::Executor> network_;  // once a tensor is asked for
   bool ran_ = false;
