@@ -11,12 +11,29 @@ case " $* " in
 esac
 
 "$@" || exit
+# The same again, preprocessed: without the output and what is written of dependencies.
 out=
-previous=
-for argument; do
-  [ "$previous" = -o ] && out=$argument
-  previous=$argument
+count=$#
+while [ "$count" -gt 0 ]; do
+  case $1 in
+  -o)
+    out=$2
+    shift 2
+    count=$((count - 2))
+    ;;
+  -MD | -c)
+    shift
+    count=$((count - 1))
+    ;;
+  -MT | -MF)
+    shift 2
+    count=$((count - 2))
+    ;;
+  *)
+    set -- "$@" "$1"
+    shift
+    count=$((count - 1))
+    ;;
+  esac
 done
-# The later of two outputs counts.
-"$@" -E -P -o "$out.preprocessed" && sha256sum <"$out.preprocessed" >"$out.sum"
-rm -f "$out.preprocessed"
+"$@" -E -P | sha256sum >"$out.sum"
