@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the developer preset and runs every test; with BITR_SLOW_TESTS=ON in the environment also those that take
+# Builds the developer preset and runs its tests; with BITR_SLOW_TESTS=ON in the environment also those that take
 # minutes.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
