@@ -51,7 +51,7 @@ void warn_of_few_points(const CloudInput& input, const Model& model) {
        " was trained on clouds of " + std::to_string(known.low) + " to " + std::to_string(known.high));
 }
 
-Result<void> check_outputs(const Options& options) {
+Result<void> check_own_outputs(const Options& options) {
   if (!options.view.empty() && !has_view())
     return fail(ErrorCode::unsupported,
                 "--view " + options.view +
@@ -100,7 +100,7 @@ Result<void> write_outputs(const Options& options, const CloudInput& source, con
 }
 
 int run(Options& options) {
-  if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+  if (const auto checked = check_own_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
   if (options.solve) {

@@ -45,7 +45,7 @@ struct Shard {
   std::uint64_t pair(std::uint64_t i) const { return i * count + index - 1; }
 };
 
-struct Options {
+struct BatchCommandOptions {
   std::string manifest, folder;
   ModelChoice model;
   bool resume = false, assembled = false;
@@ -84,7 +84,7 @@ struct Outcome {
 /// The shard's pairs from a given one on; to be asked by one thread.
 class Jobs {
  public:
-  Jobs(Manifest manifest, const Options& options, const Model& model, std::uint64_t done)
+  Jobs(Manifest manifest, const BatchCommandOptions& options, const Model& model, std::uint64_t done)
       : manifest_(std::move(manifest)), options_(options), model_(model), done_(done) {}
 
   Job next() {
@@ -128,7 +128,7 @@ class Jobs {
   }
 
   Manifest manifest_;
-  const Options& options_;
+  const BatchCommandOptions& options_;
   const Model& model_;
   std::uint64_t done_, number_ = 0;
 };
@@ -136,7 +136,7 @@ class Jobs {
 /// A plan that grows with the batches, on a device that is made anew when it is lost.
 class Assembler {
  public:
-  Assembler(const Options& options, const Model& model, AnswerOptions how, OpenDevice device)
+  Assembler(const BatchCommandOptions& options, const Model& model, AnswerOptions how, OpenDevice device)
       : options_(options), model_(model), how_(std::move(how)), device_(std::move(device)) {}
 
   /// Fills in assemblies or problems. Failure (`device_lost`): no new device takes the lost one's place;
@@ -233,7 +233,7 @@ class Assembler {
     return answer(*plan_, pairs, how_);
   }
 
-  const Options& options_;
+  const BatchCommandOptions& options_;
   const Model& model_;
   const AnswerOptions how_;
   OpenDevice device_;
@@ -274,7 +274,7 @@ std::string assembled_name(std::uint64_t pair) {
 }
 
 /// Clouds first, so that what has its line has its cloud.
-void write(const std::vector<Outcome>& outcomes, const Options& options, const AnswerOptions& how,
+void write(const std::vector<Outcome>& outcomes, const BatchCommandOptions& options, const AnswerOptions& how,
            BatchResults& results) {
   std::vector<Json> lines;
   for (const Outcome& outcome : outcomes) {
@@ -307,7 +307,7 @@ std::uint64_t fingerprint_of(const Model& model) {
 }
 
 // What results depend on.
-Json settings_of(const Options& options, const Model& model, const ManifestSummary& manifest) {
+Json settings_of(const BatchCommandOptions& options, const Model& model, const ManifestSummary& manifest) {
   Json settings = {{"manifest", options.manifest},
                    {"manifest_fingerprint", hex(manifest.fingerprint)},
                    {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
@@ -364,7 +364,7 @@ void print(const BatchSummary& summary, const std::string& file, double rate) {
 }
 
 /// Those that are there already, and that this run would replace.
-InputFiles assembled_files(const Options& options) {
+InputFiles assembled_files(const BatchCommandOptions& options) {
   InputFiles files;
   std::error_code error;
   std::filesystem::directory_iterator entry(options.folder, error), end;
@@ -379,7 +379,7 @@ InputFiles assembled_files(const Options& options) {
 }
 
 /// The manifest, and that none of its files is one that this run writes.
-Result<ManifestSummary> check_manifest(const Options& options) {
+Result<ManifestSummary> check_manifest(const BatchCommandOptions& options) {
   const InputFiles written = options.assembled ? assembled_files(options) : InputFiles();
   if (written.empty()) return summarise_manifest(options.manifest);
   return summarise_manifest(options.manifest, [&](const ManifestEntry& entry) -> Result<void> {
@@ -391,7 +391,7 @@ Result<ManifestSummary> check_manifest(const Options& options) {
   });
 }
 
-Result<std::string> results_file(const Options& options) {
+Result<std::string> results_file(const BatchCommandOptions& options) {
   std::error_code error;
   if (const auto made = make_folder("--out", options.folder); !made) return tl::unexpected(made.error());
   std::string name = "results";
@@ -405,7 +405,7 @@ Result<std::string> results_file(const Options& options) {
   return file;
 }
 
-int run_checked(Options& options) {
+int run_checked(BatchCommandOptions& options) {
   auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
   how->complete_match = options.model.complete_match;
@@ -469,7 +469,7 @@ int run_checked(Options& options) {
                                         *file);
 }
 
-int run(Options& options) {
+int run(BatchCommandOptions& options) {
   try {
     return run_checked(options);
   } catch (const Failure& failure) {
@@ -489,7 +489,7 @@ void parse_shard(const std::string& text, Shard& shard) {
 }  // namespace
 
 Command add_batch(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BatchCommandOptions>();
   CLI::App* app = add_command(root, "batch", "Assemble the pairs of a manifest");
   app->add_option("MANIFEST", options->manifest, "Table or JSON lines that name the clouds, see below")
       ->required()

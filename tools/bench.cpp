@@ -20,7 +20,7 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct BenchOptions {
   bool model_forward = false;
   std::string json, model;
   std::uint64_t points = 2048, pairs = 1, repeats = 30;
@@ -88,7 +88,7 @@ void print(const Json& json) {
     std::printf("  %-24s %9.3f ms\n", stage.c_str(), milliseconds.get<double>());
 }
 
-int run(Options& options) {
+int run(BenchOptions& options) {
   if (!options.model_forward) return complain(bad_usage, "bench: nothing chosen; give --model-forward");
   const auto checked =
       check_outputs({{"--json", options.json}, profile_output(options.run)}, {options.model});
@@ -157,7 +157,7 @@ int run(Options& options) {
 }  // namespace
 
 Command add_bench(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BenchOptions>();
   CLI::App* app = add_command(root, "bench", "Measure how long forward passes take");
   app->add_flag("--model-forward", options->model_forward, "Whole forward passes on generated pairs");
   add_count(*app, "--points", options->points, 1, max_generated_points, "Points of each cloud");

@@ -13,7 +13,7 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct DoctorOptions {
   DeviceChoice device;
   std::string json;
 };
@@ -39,7 +39,7 @@ void print(const std::vector<Check>& checks) {
   }
 }
 
-int run(const Options& options) {
+int run(const DoctorOptions& options) {
   if (const auto checked = check_output("--json", options.json); !checked) return complain(checked.error());
   const auto device = open_device(options.device);
   if (!device) return complain(device.error());
@@ -73,7 +73,7 @@ int run(const Options& options) {
 }  // namespace
 
 Command add_doctor(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DoctorOptions>();
   CLI::App* app = add_command(root, "doctor", "Check that a device computes the network correctly");
   add_device_options(*app, options->device);
   add_optional_json(*app, options->json);

@@ -26,7 +26,7 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct EvalCommandOptions {
   MethodChoice methods;
   std::string kind, folder, pairs, json, csv, html;
   std::optional<Protocol> protocol;
@@ -71,7 +71,7 @@ double usual_keep(Protocol protocol, double share) {
 }
 
 /// The kind's own way to make pairs; files are cropped.
-Result<generate::PairOrigin> origin_of(const Options& options) {
+Result<generate::PairOrigin> origin_of(const EvalCommandOptions& options) {
   const int given = !options.kind.empty() + !options.folder.empty() + !options.pairs.empty();
   if (given != 1)
     return wrong(given == 0 ? "eval: nothing to evaluate on; give --kind, --data or --pairs"
@@ -83,7 +83,7 @@ Result<generate::PairOrigin> origin_of(const Options& options) {
 }
 
 /// Pairs are as they are: only how many of their points are used may vary.
-Result<std::vector<Setting>> settings_of_pairs(Options& options) {
+Result<std::vector<Setting>> settings_of_pairs(EvalCommandOptions& options) {
   if (options.points.empty()) options.points = {1024};
   std::vector<Setting> settings;
   for (const std::uint64_t points : options.points)
@@ -92,7 +92,7 @@ Result<std::vector<Setting>> settings_of_pairs(Options& options) {
 }
 
 /// Every share at every number of points. Fills in what was not given.
-Result<std::vector<Setting>> choose_settings(Options& options) {
+Result<std::vector<Setting>> choose_settings(EvalCommandOptions& options) {
   const auto origin = origin_of(options);
   if (!origin) return tl::unexpected(origin.error());
   if (!options.pairs.empty()) return settings_of_pairs(options);
@@ -114,13 +114,13 @@ Result<std::vector<Setting>> choose_settings(Options& options) {
   return settings;
 }
 
-std::vector<OutputFile> outputs(const Options& options) {
+std::vector<OutputFile> outputs(const EvalCommandOptions& options) {
   return {{"--csv", options.csv, "a table of pairs"},
           {"--html", options.html, "a page"},
           {"--json", options.json}};
 }
 
-Result<void> check_options(const Options& options) {
+Result<void> check_options(const EvalCommandOptions& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
     return wrong("--keep " + Json(*options.keep).dump() + ": is not above 0 and up to 1");
   if (const auto checked = check_answers(options.answers()); !checked) return checked;
@@ -137,7 +137,7 @@ Result<void> check_options(const Options& options) {
 }
 
 /// What is found out once they are listed.
-Result<void> check_not_read(const Options& options, const InputFiles& files) {
+Result<void> check_not_read(const EvalCommandOptions& options, const InputFiles& files) {
   for (const OutputFile& output : outputs(options))
     if (!output.path.empty() && files.has(output.path))
       return wrong(std::string(output.option) + " " + output.path + ": would replace an input");
@@ -166,7 +166,7 @@ class EvalData {
   std::uint64_t seed_ = 0;
 };
 
-Result<DataSet> open_data(const Options& options, const Setting& setting, bool normals) {
+Result<DataSet> open_data(const EvalCommandOptions& options, const Setting& setting, bool normals) {
   DataOptions data;
   DataPart part;
   part.kind = options.kind;
@@ -186,10 +186,10 @@ Result<DataSet> open_data(const Options& options, const Setting& setting, bool n
 }
 
 // A folder of a few shapes has not been divided for training either (ShapeSplit::automatic).
-void choose_split(Options& options, const Setting& setting, bool normals) {
+void choose_split(EvalCommandOptions& options, const Setting& setting, bool normals) {
   options.split = options.asked_split.value_or(Split::test);
   if (options.asked_split || options.folder.empty()) return;
-  Options whole = options;
+  EvalCommandOptions whole = options;
   whole.split = Split::all;
   const auto all = open_data(whole, setting, normals);
   if (!all || all->shapes() >= least_divided_shapes) return;
@@ -234,7 +234,7 @@ Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const s
   return {};
 }
 
-Result<EvalSetting> evaluate(const Options& options, const Setting& setting, const EvalData& data,
+Result<EvalSetting> evaluate(const EvalCommandOptions& options, const Setting& setting, const EvalData& data,
                              std::vector<Method>& methods, const Device& device) {
   EvalSetting result{.protocol = setting.protocol,
                      .share = setting.share,
@@ -284,7 +284,7 @@ Result<EvalSetting> evaluate(const Options& options, const Setting& setting, con
   return result;
 }
 
-Json about(const Options& options, const std::vector<Method>& methods, const Device& device,
+Json about(const EvalCommandOptions& options, const std::vector<Method>& methods, const Device& device,
            std::size_t shapes) {
   Json models = Json::array();
   for (const Method& method : methods)
@@ -332,7 +332,7 @@ Result<std::string> page_of(const EvalReport& report, const std::vector<EvalData
   return to_html(report, cases);
 }
 
-std::string describe(const Options& options, std::size_t shapes) {
+std::string describe(const EvalCommandOptions& options, std::size_t shapes) {
   if (!options.pairs.empty())
     return options.pairs + ", " + std::to_string(shapes) + (shapes == 1 ? " pair" : " pairs") +
            ", both clouds moved at random, seed " + std::to_string(options.seed);
@@ -343,7 +343,7 @@ std::string describe(const Options& options, std::size_t shapes) {
          (options.protocol ? "; points are counted before the crop" : "");
 }
 
-int run(Options& options) {
+int run(EvalCommandOptions& options) {
   if (const auto checked = check_options(options); !checked) return complain(checked.error());
   const auto settings = choose_settings(options);
   if (!settings) return complain(settings.error());
@@ -429,7 +429,7 @@ int run(Options& options) {
 }  // namespace
 
 Command add_eval(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<EvalCommandOptions>();
   CLI::App* app = add_command(root, "eval", "Measure how far models and methods are from the truth");
   app->add_option("MODEL", options->methods.models, "Weights (.safetensors), any number of them")
       ->type_name("FILE");

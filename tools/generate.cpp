@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::string_view crops = "crops";
 
-struct Options {
+struct GenerateCommandOptions {
   std::string kind, folder, shapes;
   io::PlyEncoding encoding = io::PlyEncoding::binary_little_endian;
   std::uint64_t count = 1, seed = 0, points = 2048;
@@ -49,7 +49,7 @@ struct Made {
 /// Makes pair after pair: of a kind, or of the shapes in a folder.
 class Maker {
  public:
-  static Result<Maker> open(const Options& options) {
+  static Result<Maker> open(const GenerateCommandOptions& options) {
     Maker maker(options);
     if (options.kind != crops) return maker;
     DataOptions data;
@@ -90,12 +90,13 @@ class Maker {
   }
 
  private:
-  explicit Maker(const Options& options) : options_(options) {}
-  const Options& options_;
+  explicit Maker(const GenerateCommandOptions& options) : options_(options) {}
+  const GenerateCommandOptions& options_;
   std::optional<DataSet> data_;
 };
 
-Json truth_json(const Made& made, const Options& options, std::uint64_t index, const std::string& name) {
+Json truth_json(const Made& made, const GenerateCommandOptions& options, std::uint64_t index,
+                const std::string& name) {
   const GeneratedPair& pair = made.pair;
   Json json = {{"kind", options.kind}};
   if (made.shape.empty()) {
@@ -123,7 +124,7 @@ Json truth_json(const Made& made, const Options& options, std::uint64_t index, c
   return json;
 }
 
-Result<void> check(const Options& options) {
+Result<void> check(const GenerateCommandOptions& options) {
   if ((options.kind == crops) != !options.shapes.empty())
     return fail(ErrorCode::invalid_argument, options.shapes.empty() ? "crops needs --shapes PATH to crop from"
                                                                     : "--shapes is for the kind crops only");
@@ -135,7 +136,7 @@ Result<void> check(const Options& options) {
   return {};
 }
 
-Result<void> check_folder(const Options& options, const std::filesystem::path& folder) {
+Result<void> check_folder(const GenerateCommandOptions& options, const std::filesystem::path& folder) {
   std::error_code error;
   if (options.kind != crops || !std::filesystem::exists(folder, error)) return {};
   const auto shapes = shape_files(options.shapes);
@@ -150,7 +151,7 @@ Result<void> check_folder(const Options& options, const std::filesystem::path& f
   return {};
 }
 
-int run(Options& options) {
+int run(GenerateCommandOptions& options) {
   options.pair.points = options.points;
   const bool cropped_anyway = options.kind == crops || data::is_cropped({.kind = options.kind});
   if (cropped_anyway && !options.pair.protocol) options.pair.protocol = Protocol::opposed;
@@ -197,7 +198,7 @@ int run(Options& options) {
 }  // namespace
 
 Command add_generate(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<GenerateCommandOptions>();
   CLI::App* app = add_command(root, "generate", "Make pairs of clouds with a known answer");
   std::string kinds, names;
   for (const GeneratedKind& kind : generated_kinds())

@@ -13,12 +13,12 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct HelpOptions {
   std::vector<std::string> words;
   bool markdown = false, man = false;
 };
 
-int run(const CLI::App& root, const Options& options) {
+int run(const CLI::App& root, const HelpOptions& options) {
   if (options.markdown || options.man) {
     if (!options.words.empty() || (options.markdown && options.man))
       return complain(bad_usage, "--markdown and --man print the whole manual, one of them at a time");
@@ -41,7 +41,7 @@ int run(const CLI::App& root, const Options& options) {
 }  // namespace
 
 Command add_help(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<HelpOptions>();
   CLI::App* app = add_command(root, "help", "Explain a command, or print the whole manual");
   app->add_option("COMMAND", options->words, "Its words, as in: model info")->type_name("WORD");
   app->add_flag("--markdown", options->markdown, "Print the manual of all commands as Markdown");

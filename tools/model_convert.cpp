@@ -12,13 +12,13 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct ConvertOptions {
   std::string input, output;
   ModelOptions model;
   bool half = false;
 };
 
-int run(Options& options) {
+int run(ConvertOptions& options) {
   if (const auto checked = check_output("OUT", options.output, {options.input}); !checked)
     return complain(checked.error());
   set_at_hand(options.input);
@@ -39,7 +39,7 @@ int run(Options& options) {
 }  // namespace
 
 Command add_model_convert(CLI::App& model) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ConvertOptions>();
   CLI::App* app =
       add_command(model, "convert", "Convert a PyTorch checkpoint, or safetensors, to safetensors");
   app->add_option("IN", options->input, "Checkpoint written by torch.save (.pt), or .safetensors")

@@ -15,11 +15,11 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct InfoOptions {
   std::string input, json;
 };
 
-int run(const Options& options) {
+int run(const InfoOptions& options) {
   if (const auto checked = check_output("--json", options.json, {options.input}); !checked)
     return complain(checked.error());
   set_at_hand(options.input);
@@ -49,7 +49,7 @@ int run(const Options& options) {
 }  // namespace
 
 Command add_model_info(CLI::App& model) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<InfoOptions>();
   CLI::App* app = add_command(model, "info", "Configuration, size and metadata of a model");
   app->add_option("MODEL", options->input, "Weights (.safetensors), or the name of a model that ships")
       ->required()

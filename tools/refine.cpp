@@ -20,7 +20,7 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct RefineCommandOptions {
   std::string source, reference, pose = "identity", output, applied, pose_out, json, truth;
   RefineChoice choice;
   Restriction restriction;
@@ -38,7 +38,7 @@ Result<PointCloud> read(const std::string& path, const CloudOptions& options) {
                         : std::move(input->cloud);
 }
 
-Result<void> check_outputs(const Options& options) {
+Result<void> check_own_outputs(const RefineCommandOptions& options) {
   return tool::check_outputs({{"--output", options.output, "a cloud"},
                               {"--applied", options.applied, "a cloud"},
                               {"--pose-out", options.pose_out, "a pose"},
@@ -60,7 +60,7 @@ void print_result(const Refinement& result, const RefineOptions& how, const std:
   std::fflush(out);
 }
 
-Json result_json(const Options& options, const Refinement& result, const RefineOptions& how,
+Json result_json(const RefineCommandOptions& options, const Refinement& result, const RefineOptions& how,
                  const CloudPair& pair, const Device& device, const std::optional<Restricted>& end,
                  const std::optional<Pose>& truth, double milliseconds) {
   const Pose& pose = result.T_reference_source;
@@ -77,8 +77,8 @@ Json result_json(const Options& options, const Refinement& result, const RefineO
   return json;
 }
 
-int run(const Options& options) {
-  if (const auto checked = check_outputs(options); !checked) return complain(checked.error());
+int run(const RefineCommandOptions& options) {
+  if (const auto checked = check_own_outputs(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
   auto how = refine_options(options.choice, RefineProtocol::official);
@@ -140,7 +140,7 @@ int run(const Options& options) {
 }  // namespace
 
 Command add_refine(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RefineCommandOptions>();
   CLI::App* app = add_command(root, "refine", "Refine a pose that is about right; never to a worse one");
   app->add_option("SOURCE", options->source, "Cloud or mesh to be moved")->required()->type_name("FILE");
   app->add_option("REFERENCE", options->reference, "Cloud or mesh that stays")->required()->type_name("FILE");

@@ -16,7 +16,7 @@
 namespace bitr::tool {
 namespace {
 
-struct Options {
+struct TrainCommandOptions {
   std::string config, out, init;
   std::vector<std::string> kinds, folders, settings;
   std::vector<TrainOverride> overrides;  ///< from the options that stand for one setting
@@ -52,7 +52,7 @@ std::string duration(double seconds) {
 }
 
 /// Parts of the data by --kind and --data, in place of the configuration's.
-void add_parts(const Options& options, std::vector<TrainOverride>& overrides) {
+void add_parts(const TrainCommandOptions& options, std::vector<TrainOverride>& overrides) {
   Json parts = Json::array();
   std::string label;
   for (const std::string& kind : options.kinds) {
@@ -66,7 +66,7 @@ void add_parts(const Options& options, std::vector<TrainOverride>& overrides) {
   if (!parts.empty()) overrides.push_back({"data.parts", parts.dump(), label});
 }
 
-Result<TrainOptions> resolve(const Options& options) {
+Result<TrainOptions> resolve(const TrainCommandOptions& options) {
   std::string json = "{}", file = "command line";
   if (!options.config.empty()) {
     const auto bytes = io::read_file(options.config);
@@ -94,7 +94,7 @@ Result<TrainOptions> resolve(const Options& options) {
   return parse_train_options(json, file, overrides);
 }
 
-Result<void> check(const Options& options, const TrainOptions& resolved) {
+Result<void> check(const TrainCommandOptions& options, const TrainOptions& resolved) {
   if (options.out.empty()) return fail(ErrorCode::invalid_argument, "--out is required: the model to write");
   if (std::filesystem::path(options.out).extension() != ".safetensors")
     return fail(ErrorCode::invalid_argument, "--out " + options.out + ": must end in .safetensors");
@@ -169,7 +169,7 @@ void print(const TrainSummary& summary, const TrainFiles& files) {
          summary.skipped_shapes[0].shape + ": " + summary.skipped_shapes[0].reason);
 }
 
-int run(Options& options) {
+int run(TrainCommandOptions& options) {
   const auto resolved = resolve(options);
   if (!resolved) return complain(resolved.error());
   if (options.print_config) {
@@ -198,7 +198,7 @@ int run(Options& options) {
   return done;
 }
 
-void add_setting(CLI::App& app, Options& options, const std::string& name, const std::string& key,
+void add_setting(CLI::App& app, TrainCommandOptions& options, const std::string& name, const std::string& key,
                  const std::string& type, const std::string& description) {
   app.add_option_function<std::string>(
          name,
@@ -212,7 +212,7 @@ void add_setting(CLI::App& app, Options& options, const std::string& name, const
 }  // namespace
 
 Command add_train(CLI::App& root) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TrainCommandOptions>();
   CLI::App* app = add_command(root, "train", "Train a model on procedural shapes or on your own");
   app->add_option("CONFIG", options->config, "Settings, JSON with comments; see --print-config")
       ->type_name("FILE");

@@ -11,9 +11,9 @@
 namespace bitr {
 namespace {
 
-constexpr double allowed_degrees = 0.05;      // error of single precision on well determined rotations
-constexpr double allowed_translation = 1e-3;  // over the clouds' size and the translation itself
-constexpr double least_gap = 0.3;             // that makes a rotation well determined
+constexpr double pass_degrees = 0.05;      // error of single precision on well determined rotations
+constexpr double pass_translation = 1e-3;  // over the clouds' size and the translation itself
+constexpr double least_gap = 0.3;          // that makes a rotation well determined
 
 std::vector<Assembly> solve(Plan& plan, const std::vector<RandomPair>& pairs) {
   std::vector<CloudPair> views;
@@ -107,8 +107,8 @@ class Passes {
   template <class Expected>
   void compare(const std::string& what, Expected expected, const std::vector<Assembly>& results,
                double scale = 1) {
-    Check rotation{what + ", rotation in degrees", 0, allowed_degrees, ""},
-        translation{what + ", translation over the clouds' size", 0, allowed_translation, ""};
+    Check rotation{what + ", rotation in degrees", 0, pass_degrees, ""},
+        translation{what + ", translation over the clouds' size", 0, pass_translation, ""};
     for (std::size_t i = 0; i < results.size(); ++i) {
       const Pose& a = results[i].T_reference_source;
       const Pose b = expected(i);

@@ -12,8 +12,8 @@
 namespace bitr {
 namespace {
 
-constexpr double allowed_degrees = 1e-2;
-constexpr double allowed_translation = 1e-4;  // over the clouds' size
+constexpr double refined_degrees = 1e-2;
+constexpr double refined_translation = 1e-4;  // over the clouds' size
 
 // Two samples of one surface, and a start a little off the motion between them.
 struct Pairs {
@@ -55,8 +55,8 @@ struct Pairs {
 
 void compare(const Device& device, const std::string& what, const Pairs& pairs, const RefineOptions& options,
              std::vector<Check>& checks) {
-  Check rotation{what + ", rotation in degrees", 0, allowed_degrees, ""},
-      translation{what + ", translation over the clouds' size", 0, allowed_translation, ""};
+  Check rotation{what + ", rotation in degrees", 0, refined_degrees, ""},
+      translation{what + ", translation over the clouds' size", 0, refined_translation, ""};
   try {
     const std::vector<CloudPair> views = pairs.views();
     const auto found = value_or_throw(refine_poses(device, views, pairs.starts, options));

@@ -34,8 +34,6 @@ constexpr std::size_t most_rows = std::numeric_limits<std::uint32_t>::max() / mo
 std::size_t size(int x) { return static_cast<std::size_t>(x); }
 
 // Checks throw Failure (`invalid_argument`).
-[[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
-
 void check_range(const char* name, int value, int low, int high) {
   if (value < low || value > high)
     refuse(std::string(name) + " is " + std::to_string(value) + ", must be " + std::to_string(low) + " … " +

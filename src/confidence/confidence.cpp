@@ -8,11 +8,7 @@
 #include "refine/surface.hpp"
 
 namespace bitr {
-namespace {
-
-[[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
-
-}  // namespace
+namespace {}  // namespace
 
 Result<std::vector<Confidence>> judge_poses(const Device& device, std::span<const CloudPair> pairs,
                                             std::span<const Pose> poses,

@@ -17,8 +17,6 @@ namespace {
 
 constexpr double most_of_cloud = 0.95;
 
-[[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
-
 void check(const ResampleOptions& options) {
   if (options.answers < 2 || options.answers > 100 || options.answers % 2 != 0)
     refuse("answers " + std::to_string(options.answers) + " is not an even number in 2 … 100");

@@ -16,4 +16,7 @@ class Failure : public std::runtime_error {
   ErrorCode code_;
 };
 
+/// Of an argument that a caller must not give.
+[[noreturn]] inline void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
+
 }  // namespace bitr

@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t prefix = 8;  // the header's length, as a little-endian u64
+constexpr std::size_t length_bytes = 8;  // the header's length, as a little-endian u64
 constexpr std::uint64_t header_limit = 100'000'000;
 constexpr std::string_view metadata_key = "__metadata__";
 
@@ -111,7 +111,7 @@ class HeaderReader final : public nlohmann::json_sax<Json> {
   bool binary(binary_t&) override { return unexpected("binary"); }
 
   bool parse_error(std::size_t position, const std::string&, const nlohmann::detail::exception&) override {
-    return reject("byte " + std::to_string(prefix + (position ? position - 1 : 0)) +
+    return reject("byte " + std::to_string(length_bytes + (position ? position - 1 : 0)) +
                   ": the header is not valid JSON");
   }
 
@@ -184,13 +184,13 @@ std::string check(const Entry& entry, std::uint64_t expected, std::size_t availa
 
 /// The header's length, once it is known to fit in the file.
 Result<std::size_t> header_size(std::span<const std::byte> bytes, const std::string& file) {
-  if (bytes.size() < prefix) {
+  if (bytes.size() < length_bytes) {
     return fail(ErrorCode::bad_file, file + "byte 0: the file has " + std::to_string(bytes.size()) +
                                          " bytes, its header's length needs 8");
   }
   std::uint64_t size = 0;
-  for (std::size_t i = 0; i < prefix; ++i) size |= std::to_integer<std::uint64_t>(bytes[i]) << 8 * i;
-  const std::uint64_t limit = std::min<std::uint64_t>(header_limit, bytes.size() - prefix);
+  for (std::size_t i = 0; i < length_bytes; ++i) size |= std::to_integer<std::uint64_t>(bytes[i]) << 8 * i;
+  const std::uint64_t limit = std::min<std::uint64_t>(header_limit, bytes.size() - length_bytes);
   if (size > limit) {
     return fail(ErrorCode::bad_file, file + "byte 0: header of " + std::to_string(size) + " bytes, limit " +
                                          std::to_string(limit));
@@ -208,8 +208,8 @@ Result<TensorMap> parse_safetensors(std::span<const std::byte> bytes, std::strin
   const std::string file = std::string(name) + ": ";
   const auto size = header_size(bytes, file);
   if (!size) return tl::unexpected(size.error());
-  const auto header = bytes.subspan(prefix, *size);
-  const auto data = bytes.subspan(prefix + *size);
+  const auto header = bytes.subspan(length_bytes, *size);
+  const auto data = bytes.subspan(length_bytes + *size);
   // JSON would also allow blanks and a byte order mark in front; the format does not.
   if (header.empty() || header[0] != std::byte{'{'}) {
     return fail(ErrorCode::bad_file, file + "byte 8: the header does not start with '{'");
@@ -235,7 +235,7 @@ Result<TensorMap> parse_safetensors(std::span<const std::byte> bytes, std::strin
                                            {begin, data.begin() + static_cast<std::ptrdiff_t>(expected)}});
   }
   if (expected != data.size()) {
-    return fail(ErrorCode::bad_file, file + "byte " + std::to_string(prefix + *size + expected) + ": " +
+    return fail(ErrorCode::bad_file, file + "byte " + std::to_string(length_bytes + *size + expected) + ": " +
                                          std::to_string(data.size() - expected) +
                                          " bytes belong to no tensor");
   }
@@ -268,8 +268,8 @@ std::vector<std::byte> serialize_safetensors(const TensorMap& map) {
   header.append((8 - header.size() % 8) % 8, ' ');
 
   std::vector<std::byte> bytes;
-  bytes.reserve(prefix + header.size() + end);
-  for (std::size_t i = 0; i < prefix; ++i) {
+  bytes.reserve(length_bytes + header.size() + end);
+  for (std::size_t i = 0; i < length_bytes; ++i) {
     bytes.push_back(static_cast<std::byte>(std::uint64_t{header.size()} >> 8 * i));
   }
   const auto* text = reinterpret_cast<const std::byte*>(header.data());

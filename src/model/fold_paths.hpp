@@ -7,6 +7,8 @@
 namespace bitr::model {
 
 Eigen::VectorXd leaky(const Eigen::VectorXd& x);
+/// Its slope at each x.
+Eigen::ArrayXd leaky_slopes(const Eigen::VectorXd& x);
 Eigen::VectorXd layer_norm(const Eigen::VectorXd& x, const Eigen::VectorXd& gain, const Eigen::VectorXd& bias,
                            double eps);
 

@@ -40,6 +40,11 @@ MatrixXd append_zero_column(const MatrixXd& matrix) {
 
 }  // namespace
 
+Eigen::ArrayXd leaky_slopes(const VectorXd& x) {
+  return (x.array() > 0)
+      .select(Eigen::ArrayXd::Ones(x.size()), Eigen::ArrayXd::Constant(x.size(), ops::leaky_slope));
+}
+
 VectorXd leaky(const VectorXd& x) { return (x.array() > 0).select(x.array(), ops::leaky_slope * x.array()); }
 
 VectorXd layer_norm(const VectorXd& x, const VectorXd& gain, const VectorXd& bias, double eps) {

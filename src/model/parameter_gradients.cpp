@@ -32,9 +32,9 @@ ops::AttentionLayer zeros_like(const ops::AttentionLayer& layer) {
 }
 
 // Takes the gradients of a derived graph's nodes to the nodes that those came from.
-class Collector {
+class GradientCollector {
  public:
-  Collector(const Graph& whole, const DerivedGraph& made, const ForEach& for_each)
+  GradientCollector(const Graph& whole, const DerivedGraph& made, const ForEach& for_each)
       : made_(made), for_each_(for_each) {
     for (std::size_t i = 0; i < whole.nodes.size(); ++i) {
       const ops::Op& op = whole.nodes[i].op;
@@ -204,7 +204,7 @@ class Specs {
 
 Gradients parameter_gradients(const Weights& weights, const Graph& whole, const DerivedGraph& made,
                               const std::vector<std::vector<double>>& constants, const ForEach& for_each) {
-  Collector collect(whole, made, for_each);
+  GradientCollector collect(whole, made, for_each);
   for (std::size_t i = 0; i < constants.size(); ++i)
     if (!constants[i].empty()) collect.add(i, constants[i]);
 

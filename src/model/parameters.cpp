@@ -9,7 +9,7 @@ using irreps::Degree;
 using irreps::Fiber;
 using Size = std::size_t;
 
-class Collector {
+class ParameterCollector {
  public:
   StateDict dict;
 
@@ -94,7 +94,7 @@ class Collector {
 
 StateDict state_dict(const ModelConfig& config) {
   const Architecture net = architecture(config);
-  Collector collect;
+  ParameterCollector collect;
   for (Size i = 0; i < net.extractor.size(); ++i) {
     collect.layer(net.extractor[i]);
     if (i < net.extractor_relu.size()) collect.relu(net.extractor_relu[i]);

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "model/fold_layers.hpp"
+#include "model/fold_paths.hpp"
 
 namespace bitr::model {
 namespace {
@@ -152,10 +153,6 @@ std::vector<double> with_ends(std::vector<double> angles, double low, double hig
   return angles;
 }
 
-ArrayXd slopes(const VectorXd& x) {
-  return (x.array() > 0).select(ArrayXd::Ones(x.size()), ArrayXd::Constant(x.size(), ops::leaky_slope));
-}
-
 // One sector's map, before the change of basis: R = slope · (…) + offset.
 struct Sector {
   double end;       // angle
@@ -177,7 +174,7 @@ class Divider {
       quadrant.add_roots(quadrant.linear(net_.w1.row(j).transpose()), first);
     first = with_ends(std::move(first), 0, quarter_turn);
     for (std::size_t s = 0; s + 1 < first.size(); ++s) {
-      const ArrayXd d1 = slopes(net_.w1 * ray((first[s] + first[s + 1]) / 2));
+      const ArrayXd d1 = leaky_slopes(net_.w1 * ray((first[s] + first[s + 1]) / 2));
       const MatrixXd second = net_.w2 * d1.matrix().asDiagonal() * net_.w1;
       std::vector<double> inner;
       const Fan fan(first[s], first[s + 1]);
@@ -185,7 +182,7 @@ class Divider {
         fan.add_roots(fan.linear(second.row(j).transpose()), inner);
       inner = with_ends(std::move(inner), first[s], first[s + 1]);
       for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
-        const ArrayXd d2 = slopes(second * ray((inner[i] + inner[i + 1]) / 2));
+        const ArrayXd d2 = leaky_slopes(second * ray((inner[i] + inner[i + 1]) / 2));
         append({inner[i + 1],
                 joined(d1, d2),
                 net_.w3 * d2.matrix().asDiagonal() * second,
@@ -213,7 +210,7 @@ class Divider {
     first = with_ends(std::move(first), 0, quarter_turn);
     for (std::size_t s = 0; s + 1 < first.size(); ++s) {
       const Vector3d p = normalised((first[s] + first[s + 1]) / 2);
-      const ArrayXd d1 = slopes(first_map * p.head<2>() + net_.bias1);
+      const ArrayXd d1 = leaky_slopes(first_map * p.head<2>() + net_.bias1);
       MatrixXd affine(w.rows(), 3);
       affine << net_.w2 * d1.matrix().asDiagonal() * first_map,
           net_.w2 * (d1 * net_.bias1.array()).matrix() + net_.c2;
@@ -269,7 +266,7 @@ class Divider {
     for (std::size_t i = 0; i + 1 < inner.size(); ++i) {
       const Vector3d p = normalised((inner[i] + inner[i + 1]) / 2);
       const VectorXd h = net_.gain2.asDiagonal() * affine * p / std::sqrt(p.dot(Q * p)) + net_.bias2;
-      const ArrayXd d2 = slopes(h);
+      const ArrayXd d2 = leaky_slopes(h);
       append({inner[i + 1], joined(d1, d2),
               net_.w3 * (d2 * net_.gain2.array()).matrix().asDiagonal() * affine,
               net_.w3 * (d2 * net_.bias2.array()).matrix() + net_.c3, Q});

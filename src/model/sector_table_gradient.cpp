@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "model/fold_gradient.hpp"
+#include "model/fold_paths.hpp"
 
 namespace bitr::model {
 namespace {
@@ -20,10 +21,6 @@ Vector2d middle_of(const ops::SectorTable& table, std::size_t s) {
   const double low = s == 0 ? 0 : angle(s - 1),
                high = s == table.rays.size() ? std::numbers::pi / 2 : angle(s);
   return {std::cos((low + high) / 2), std::sin((low + high) / 2)};
-}
-
-ArrayXd slopes(const VectorXd& x) {
-  return (x.array() > 0).select(ArrayXd::Ones(x.size()), ArrayXd::Constant(x.size(), ops::leaky_slope));
 }
 
 // From the gradient of (freq', c_out, c_in) coefficients to that of the network's rows (c_out, c_in, freq).
@@ -62,9 +59,9 @@ void add_linear(const ops::SectorTable& table, const ops::SectorTable& gradient,
   for (std::size_t s = 0; s < table.sectors(); ++s) {
     if (is_zero(gradient, s)) continue;
     const VectorXd h1 = net.w1 * middle_of(table, s);
-    const ArrayXd d1 = slopes(h1);
+    const ArrayXd d1 = leaky_slopes(h1);
     const MatrixXd first = d1.matrix().asDiagonal() * net.w1;
-    const ArrayXd d2 = slopes(net.w2 * (d1 * h1.array()).matrix());
+    const ArrayXd d2 = leaky_slopes(net.w2 * (d1 * h1.array()).matrix());
     const MatrixXd rows = network_rows(table, gradient.slope[s], channels);
     to.w3 += rows * (d2.matrix().asDiagonal() * (net.w2 * first)).transpose();
     const MatrixXd second = d2.matrix().asDiagonal() * (net.w3.transpose() * rows);
@@ -84,7 +81,7 @@ void add_normalised(const ops::SectorTable& table, const ops::SectorTable& gradi
     const Vector2d u = middle_of(table, s);
     const double variance = (w * u).squaredNorm() / static_cast<double>(w.rows());
     const Vector3d p(u[0] / std::sqrt(variance), u[1] / std::sqrt(variance), 1);
-    const ArrayXd d1 = slopes(first_map * p.head<2>() + net.bias1);
+    const ArrayXd d1 = leaky_slopes(first_map * p.head<2>() + net.bias1);
     MatrixXd first(w.rows(), 3);
     first << d1.matrix().asDiagonal() * first_map, (d1 * net.bias1.array()).matrix();
     MatrixXd affine = net.w2 * first;
@@ -93,7 +90,7 @@ void add_normalised(const ops::SectorTable& table, const ops::SectorTable& gradi
     const VectorXd h2 = net.gain2.asDiagonal() * affine * p /
                             std::sqrt((affine * p).squaredNorm() / static_cast<double>(w.rows())) +
                         net.bias2;
-    const ArrayXd d2 = slopes(h2), scaled = d2 * net.gain2.array();
+    const ArrayXd d2 = leaky_slopes(h2), scaled = d2 * net.gain2.array();
 
     const MatrixXd rows = network_rows(table, gradient.slope[s], channels);
     const VectorXd constant = network_rows(table, gradient.offset[s], channels);

@@ -33,12 +33,10 @@ std::string_view page() {
   return {bitr_page_begin, static_cast<std::size_t>(bitr_page_end - bitr_page_begin)};
 }
 
-[[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
-
 Vector3d vector_of(const Vec3d& v) { return Vector3d(v.data()); }
 Json json_of(const Vector3d& v) { return {v[0], v[1], v[2]}; }
 
-void check(const PointCloud& cloud, const std::string& name) {
+void check_cloud(const PointCloud& cloud, const std::string& name) {
   picture::check(cloud, name);
   if (!cloud.colors.empty() && cloud.colors.size() != cloud.size())
     refuse(name + ": " + std::to_string(cloud.colors.size()) + " colours for " +
@@ -170,8 +168,8 @@ Result<std::string> render_view(const PointCloud& source, const PointCloud& refe
       return fail(
           ErrorCode::unsupported,
           "this build has no view: it was configured without viewer/node_modules (npm ci in viewer/)");
-    check(source, "source");
-    check(reference, "reference");
+    check_cloud(source, "source");
+    check_cloud(reference, "reference");
     picture::check(assembly);
     if (options.most_points == 0) refuse("a view of most_points 0");
     const std::string data = script_text(data_of(source, reference, assembly, options));

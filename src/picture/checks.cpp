@@ -10,8 +10,6 @@ namespace {
 
 constexpr double most_coordinate = 1e100;  // squares stay finite
 
-[[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
-
 }  // namespace
 
 void check(const PointCloud& cloud, const std::string& name) {

@@ -17,8 +17,6 @@ using namespace picture;
 
 constexpr Color white = {1, 1, 1}, black = {0.13F, 0.13F, 0.15F}, grey = {0.45F, 0.45F, 0.48F};
 
-[[noreturn]] void refuse(const std::string& message) { throw Failure(ErrorCode::invalid_argument, message); }
-
 void check(const PictureOptions& options) {
   if (options.width < 640 || options.width > 16384)
     refuse("a picture's width of " + std::to_string(options.width) + " pixels is not in 640 ... 16384");

@@ -8,17 +8,6 @@
 #include "refine/rigid_fit.hpp"
 
 namespace bitr::refine {
-namespace {
-
-struct Match {
-  double squared;
-  std::uint32_t source, reference;
-  bool operator<(const Match& other) const {
-    return squared < other.squared || (squared == other.squared && source < other.source);
-  }
-};
-
-}  // namespace
 
 struct Icp::Index {
   std::vector<Vec3d> points;
@@ -34,6 +23,14 @@ Icp::Icp(const std::vector<Vec3d>& reference, const IcpOptions& options)
 Icp::~Icp() = default;
 
 class Icp::Steps : public Stepper {
+  struct Matched {
+    double squared;
+    std::uint32_t source, reference;
+    bool operator<(const Matched& other) const {
+      return squared < other.squared || (squared == other.squared && source < other.source);
+    }
+  };
+
  public:
   Steps(const Icp& icp, const std::vector<Vec3d>& source, const Pose& start, IcpResult& result)
       : index_(*icp.index_),
@@ -46,7 +43,7 @@ class Icp::Steps : public Stepper {
                                     std::min<std::size_t>(3, fewer), fewer);
     result_ = {};
     result_.T_reference_source = start;
-    result_.workspace_bytes = index_.bytes + matches_.size() * sizeof(Match);
+    result_.workspace_bytes = index_.bytes + matches_.size() * sizeof(Matched);
   }
 
   Wanted wanted() override {
@@ -84,7 +81,7 @@ class Icp::Steps : public Stepper {
   const Index& index_;
   const IcpOptions options_;
   const std::vector<Vec3d>& source_;
-  std::vector<Match> matches_;
+  std::vector<Matched> matches_;
   std::size_t kept_ = 0;
   IcpResult& result_;
 };

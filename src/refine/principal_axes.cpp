@@ -7,13 +7,13 @@
 namespace bitr::refine {
 namespace {
 
-struct Frame {
+struct AxesFrame {
   Eigen::Vector3d centroid;
   Eigen::Matrix3d axes;  ///< in columns, right-handed
 };
 
-Frame principal_frame(const std::vector<Vec3d>& points) {
-  Frame frame;
+AxesFrame principal_frame(const std::vector<Vec3d>& points) {
+  AxesFrame frame;
   frame.centroid.setZero();
   for (const Vec3d& point : points) frame.centroid += Eigen::Vector3d(point.data());
   frame.centroid /= static_cast<double>(points.size());
@@ -32,7 +32,7 @@ Frame principal_frame(const std::vector<Vec3d>& points) {
 std::array<Pose, 4> align_principal_axes(const std::vector<Vec3d>& source,
                                          const std::vector<Vec3d>& reference) {
   static const Eigen::Vector3d signs[4] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
-  const Frame from = principal_frame(source), to = principal_frame(reference);
+  const AxesFrame from = principal_frame(source), to = principal_frame(reference);
   std::array<Pose, 4> poses;
   for (int i = 0; i < 4; ++i) {
     const Eigen::Matrix3d R = to.axes * signs[i].asDiagonal() * from.axes.transpose();

@@ -31,8 +31,6 @@ constexpr std::size_t most_on_device = std::size_t{1} << 22;
 // This share of a proposal's overlap must have been near at the start.
 constexpr double least_near = 0.5;
 
-[[noreturn]] void refuse(const std::string& why) { throw Failure(ErrorCode::invalid_argument, why); }
-
 void check(const RefineOptions& options) {
   if (options.keep && !(*options.keep > 0 && *options.keep <= 1))
     refuse("keep " + std::to_string(*options.keep) + " is not above 0 and up to 1");

@@ -10,7 +10,7 @@ namespace bitr::refine {
 namespace {
 
 constexpr Eigen::Index block = BlockedPoints::block;
-constexpr std::size_t grain = 64;
+constexpr std::size_t rows_a_task = 64;
 // exp(−50) is 2e-22: below rounding even when 10,000 such terms meet.
 constexpr double negligible = 50;
 
@@ -76,7 +76,7 @@ class LogSum {
 void balance(const BlockedPoints& of, const BlockedPoints& against, const Eigen::ArrayXd& potential,
              const Affinity& affinity, const Workers& workers, Eigen::ArrayXd& result) {
   const std::vector<double> maxima = block_maxima(against, potential);
-  workers.parallel_for(of.size(), grain, [&](std::size_t begin, std::size_t end) {
+  workers.parallel_for(of.size(), rows_a_task, [&](std::size_t begin, std::size_t end) {
     std::vector<double> bound(maxima.size());
     for (std::size_t i = begin; i < end; ++i) {
       const Point point = of.rows().row(static_cast<Eigen::Index>(i)).transpose();
@@ -174,7 +174,7 @@ int Sinkhorn::normalise(const Affinity& affinity, const SinkhornOptions& options
 template <class Visit>
 void Sinkhorn::for_each_row(const Visit& visit) const {
   const std::vector<double> maxima = block_maxima(reference_, v_);
-  workers_.parallel_for(source_.size(), grain, [&](std::size_t begin, std::size_t end) {
+  workers_.parallel_for(source_.size(), rows_a_task, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row) {
       const auto i = static_cast<Eigen::Index>(row);
       const Point point = source_.rows().row(i).transpose();

@@ -10,7 +10,7 @@
 namespace bitr::refine {
 namespace {
 
-constexpr std::size_t grain = 256;
+constexpr std::size_t points_a_task = 256;
 static_assert(Search::most_wanted == vk::Nearest::most_wanted);
 
 /// What searches of all steppers want, as one submission.
@@ -30,7 +30,7 @@ class Searcher {
     }
     nearest_.lay_out(requests);
     const auto for_each = [&](const auto& visit) {  // visit(search, its query)
-      pool_.parallel_for(first.back(), grain, [&](std::size_t begin, std::size_t end) {
+      pool_.parallel_for(first.back(), points_a_task, [&](std::size_t begin, std::size_t end) {
         std::size_t s = std::upper_bound(first.begin(), first.end(), begin) - first.begin() - 1;
         for (std::size_t at = begin; at < end; ++at) {
           while (at >= first[s + 1]) ++s;

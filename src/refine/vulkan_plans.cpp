@@ -23,16 +23,17 @@ double slack_of(const PlanWanted& wanted) {
 }
 
 /// Where the device has the origin, and how long its unit is.
-struct Frame {
+struct DeviceFrame {
   Eigen::Array3d origin;
   double scale;
-  explicit Frame(const PlanWanted& wanted) : scale(std::sqrt(wanted.stage.affinity.beta)) {
+  explicit DeviceFrame(const PlanWanted& wanted) : scale(std::sqrt(wanted.stage.affinity.beta)) {
     const Box box = box_of(wanted.plan.reference());
     origin = (box.low + box.high) / 2;
   }
 };
 
-void write(const BlockedPoints& points, const Frame& frame, std::size_t stride, float* rows, float* boxes) {
+void write(const BlockedPoints& points, const DeviceFrame& frame, std::size_t stride, float* rows,
+           float* boxes) {
   const auto at = [&](double x, int a) { return static_cast<float>((x - frame.origin[a]) * frame.scale); };
   const Eigen::ArrayXXd& from = points.rows();
   for (std::size_t i = 0; i < points.size(); ++i, rows += stride) {
@@ -49,7 +50,7 @@ void write(const BlockedPoints& points, const Frame& frame, std::size_t stride, 
     }
 }
 
-void read(PlanWanted& wanted, const Frame& frame, const float* moments) {
+void read(PlanWanted& wanted, const DeviceFrame& frame, const float* moments) {
   const Eigen::ArrayXXd& rows = wanted.plan.source().rows();
   wanted.weights.resize(rows.rows());
   wanted.targets.resize(rows.rows(), rows.cols());
@@ -93,10 +94,10 @@ void VulkanPlans::run_together(std::span<PlanWanted* const> plans) {
   sinkhorn_.lay_out(problems, plans.front()->plan.source().rows().cols() > 3);
   const auto each = [&](const auto& visit) {
     pool_.parallel_for(plans.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) visit(i, *plans[i], Frame(*plans[i]));
+      for (std::size_t i = begin; i < end; ++i) visit(i, *plans[i], DeviceFrame(*plans[i]));
     });
   };
-  each([&](std::size_t i, PlanWanted& wanted, const Frame& frame) {
+  each([&](std::size_t i, PlanWanted& wanted, const DeviceFrame& frame) {
     const std::size_t stride = sinkhorn_.numbers_per_point();
     write(wanted.plan.source(), frame, stride, sinkhorn_.sources(i), sinkhorn_.source_boxes(i));
     write(wanted.plan.reference(), frame, stride, sinkhorn_.references(i), sinkhorn_.reference_boxes(i));
@@ -105,7 +106,7 @@ void VulkanPlans::run_together(std::span<PlanWanted* const> plans) {
     for (std::uint32_t j = 0; j < v.size(); ++j) sinkhorn_.set_potential(i, j, v[j] + problems[i].slack);
   });
   sinkhorn_.run(plans.front()->stage.sinkhorn.most_iterations);
-  each([&](std::size_t i, PlanWanted& wanted, const Frame& frame) {
+  each([&](std::size_t i, PlanWanted& wanted, const DeviceFrame& frame) {
     read(wanted, frame, sinkhorn_.moments(i));
     Eigen::ArrayXd& v = wanted.plan.column_potentials();
     for (std::uint32_t j = 0; j < v.size(); ++j) v[j] = sinkhorn_.potential(i, j) - problems[i].slack;

@@ -203,8 +203,8 @@ class Run {
   TrainProgress progress(const StepReport& report, const std::optional<ValidationResult>& validation,
                          double since_begin) const {
     const TrainState& state = trainer_.state();
-    double left = spent_ / static_cast<double>(measured_) * static_cast<double>(options_.steps - state.step);
-    if (options_.minutes > 0) left = std::min(left, std::max(60 * options_.minutes - since_begin, 0.0));
+    double remaining = spent_ / static_cast<double>(measured_) * static_cast<double>(options_.steps - state.step);
+    if (options_.minutes > 0) remaining = std::min(remaining, std::max(60 * options_.minutes - since_begin, 0.0));
     return {.step = static_cast<std::size_t>(state.step),
             .steps = options_.steps,
             .loss = report.loss.total(),
@@ -217,7 +217,7 @@ class Run {
             .skipped_samples = static_cast<std::size_t>(state.skipped_samples),
             .pairs_per_second =
                 static_cast<double>(options_.batch * options_.accumulate) / std::max(step_seconds_, 1e-9),
-            .seconds_left = left,
+            .seconds_left = remaining,
             .validation = validation ? &*validation : nullptr};
   }
 

@@ -8,7 +8,7 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t group_size = 64;
+constexpr std::uint32_t product_group = 64;
 
 class CgProductKernel : public Kernel {
  public:
@@ -29,7 +29,7 @@ class CgProductKernel : public Kernel {
     const auto k = number(site.in.size() > 2 ? site.in[2].per_row : 0);
     pipeline_ = site.context.pipeline(
         shaders::cg_product,
-        std::array{group_size, k, number(op.channels), number(op.shared), number(op.a.dim()),
+        std::array{product_group, k, number(op.channels), number(op.shared), number(op.a.dim()),
                    number(op.b.dim()), number(op.out.dim()), number(terms_)});
   }
 
@@ -42,7 +42,7 @@ class CgProductKernel : public Kernel {
         std::max(result.range.size, std::max(b.range.size, edges ? 0 : a.range.size)) / rows;
     const double cost = 4.0 * static_cast<double>(numbers * terms_);
     for (const RowRun& run : row_runs(rows, capabilities_.storage_range / row_bytes, cost)) {
-      const std::size_t groups = (run.count * numbers + group_size - 1) / group_size;
+      const std::size_t groups = (run.count * numbers + product_group - 1) / product_group;
       const auto across = static_cast<std::uint32_t>(std::min<std::size_t>(groups, capabilities_.groups));
       const auto down = static_cast<std::uint32_t>((groups + across - 1) / across);
       const Range left = edges ? a.range : run.of(a, rows);

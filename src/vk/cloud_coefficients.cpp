@@ -11,8 +11,8 @@ namespace {
 
 using Eigen::MatrixXd;
 
-constexpr std::size_t work_group = 128;
-constexpr std::size_t shared_numbers = 4096;
+constexpr std::size_t cloud_coefficients_group = 128;
+constexpr std::size_t cloud_coefficients_numbers = 4096;
 
 class CloudCoefficientsKernel : public Kernel {
  public:
@@ -24,7 +24,7 @@ class CloudCoefficientsKernel : public Kernel {
     require(extra, c1, heads * (c0 + 2 * c1 + op.full.c0 + 1) + layer.m0 * (1 + heads), layer);
 
     pipeline_ = site.context.pipeline(shaders::cloud_coefficients,
-                                      std::array{number(work_group), number(c0), number(c1),
+                                      std::array{number(cloud_coefficients_group), number(c0), number(c1),
                                                  number(site.in[1].width), number(layer.m0), number(heads)});
   }
 
@@ -41,7 +41,9 @@ class CloudCoefficientsKernel : public Kernel {
  private:
   // Iterations of all loops of an invocation.
   static std::size_t iterations(int extra, int c1, int rows, const ops::PointAttention& layer) {
-    const auto rounds = [](int count) { return (count + work_group - 1) / work_group; };
+    const auto rounds = [](int count) {
+      return (count + cloud_coefficients_group - 1) / cloud_coefficients_group;
+    };
     const int from = layer.c0 + 1;
     const std::size_t e = static_cast<std::size_t>(extra), v = static_cast<std::size_t>(c1);
     return rounds(extra + 3 * c1) + rounds(rows) * (1 + e) +
@@ -52,8 +54,9 @@ class CloudCoefficientsKernel : public Kernel {
 
   void require(int extra, int c1, int rows, const ops::PointAttention& layer) {
     const std::size_t loops = iterations(extra, c1, rows, layer);
-    cost_ = 2.0 * work_group * static_cast<double>(loops);
-    if (static_cast<std::size_t>(extra + 3 * c1 + rows) > shared_numbers || loops >= capabilities_.loop_limit)
+    cost_ = 2.0 * cloud_coefficients_group * static_cast<double>(loops);
+    if (static_cast<std::size_t>(extra + 3 * c1 + rows) > cloud_coefficients_numbers ||
+        loops >= capabilities_.loop_limit)
       throw Failure(ErrorCode::unsupported,
                     "the key points' last layer has too many channels for " + capabilities_.name);
   }

@@ -13,8 +13,8 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
-constexpr std::size_t shared_numbers = 4096;
+constexpr std::uint32_t coefficients_gradient_group = 128;
+constexpr std::size_t coefficients_gradient_numbers = 4096;
 constexpr std::uint32_t most_clouds = 16383;
 
 // Kinds of constants, of cloud_coefficients_constants.comp.
@@ -43,9 +43,9 @@ class CloudCoefficientsGradient : public Kernel {
 
     const std::uint32_t globals = number(site.in[globals_input].width), m0 = number(op.op.layer.m0),
                         heads = number(op.op.layer.heads);
-    number_pipeline_ =
-        site.context.pipeline(shaders::cloud_coefficients_gradient,
-                              std::array{work_group, number(c0_), number(c1_), globals, m0, heads});
+    number_pipeline_ = site.context.pipeline(
+        shaders::cloud_coefficients_gradient,
+        std::array{coefficients_gradient_group, number(c0_), number(c1_), globals, m0, heads});
     const std::uint32_t grad_input =
         (op.grad_input_at(means_input) >= 0 ? 1u : 0u) | (op.grad_input_at(globals_input) >= 0 ? 2u : 0u);
     if (grad_input)
@@ -89,13 +89,15 @@ class CloudCoefficientsGradient : public Kernel {
   // The first shader's cost; throws where its loops or its shared numbers would be too many.
   void require() {
     const ops::PointAttention& layer = op_.op.layer;
-    const auto rounds = [](int count) { return (count + int{work_group} - 1) / int{work_group}; };
+    const auto rounds = [](int count) {
+      return (count + int{coefficients_gradient_group} - 1) / int{coefficients_gradient_group};
+    };
     const int from = c0_ + 1, numbers = extra_ + 3 * c1_;
     const int rows = layer.heads * (paths_ + extra_ + from) + layer.m0 * (1 + layer.heads);
     const int loops = rounds(numbers) + rounds(rows) * (4 + extra_) +
                       rounds(numbers) * (1 + rows + layer.heads * (1 + from) + layer.m0 * layer.heads);
-    cost_ = 2.0 * work_group * loops;
-    if (static_cast<std::size_t>(numbers + 2 * rows) > shared_numbers ||
+    cost_ = 2.0 * coefficients_gradient_group * loops;
+    if (static_cast<std::size_t>(numbers + 2 * rows) > coefficients_gradient_numbers ||
         static_cast<std::uint32_t>(loops) >= capabilities_.loop_limit)
       throw Failure(
           ErrorCode::unsupported,

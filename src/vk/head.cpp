@@ -8,8 +8,8 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
-constexpr std::uint32_t shared_numbers = 4080;
+constexpr std::uint32_t head_group = 128;
+constexpr std::uint32_t head_numbers = 4080;
 
 class HeadKernel : public Kernel {
  public:
@@ -19,7 +19,7 @@ class HeadKernel : public Kernel {
         vectors_(channels(op, {1, 0})),
         matrices_(channels(op, {1, 1})),
         pipeline_(
-            site.context.pipeline(shaders::head, std::array{work_group, scalars_, vectors_, matrices_})) {
+            site.context.pipeline(shaders::head, std::array{head_group, scalars_, vectors_, matrices_})) {
     add_constants(op.norm_weight);
     add_constants(op.norm_bias);
     add_constants((1 - op.mean_scale.array()).matrix());
@@ -32,7 +32,7 @@ class HeadKernel : public Kernel {
 
   void record(const Arguments& args) const override {
     const std::uint32_t keys = args.layout.key_points, pairs = args.layout.pairs();
-    if (3 * keys + std::max(3 * scalars_, 6 * vectors_ + 9 * matrices_ + 6) > shared_numbers)
+    if (3 * keys + std::max(3 * scalars_, 6 * vectors_ + 9 * matrices_ + 6) > head_numbers)
       throw Failure(ErrorCode::unsupported, "the head has too many key points or channels for Vulkan");
     const double cost = keys * (12.0 * scalars_ + 12.0 * vectors_ + 18.0 * matrices_);
     for (std::uint32_t first = 0; first < pairs; first += capabilities_.groups) {

@@ -9,8 +9,8 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
-constexpr std::uint32_t shared_numbers = 4064;
+constexpr std::uint32_t head_gradient_group = 128;
+constexpr std::uint32_t head_gradient_numbers = 4064;
 
 enum : int { positions_input, features_input };
 enum : int { normed_output, logits_output, weights_output, pieces_output };
@@ -24,7 +24,7 @@ class HeadGradient : public Kernel {
         vectors_(channels({1, 0})),
         matrices_(channels({1, 1})),
         pipeline_(site.context.pipeline(shaders::head_gradient,
-                                        std::array{work_group, scalars_, vectors_, matrices_,
+                                        std::array{head_gradient_group, scalars_, vectors_, matrices_,
                                                    std::uint32_t{op.grad_input_at(positions_input) >= 0},
                                                    std::uint32_t{op.grad_input_at(features_input) >= 0}})),
         sums_(site.context) {
@@ -50,7 +50,7 @@ class HeadGradient : public Kernel {
   void record(const Arguments& args) const override {
     const GradientSlots<ops::Head> slots{op_, args};
     const std::uint32_t keys = args.layout.key_points, pairs = args.layout.pairs();
-    if (3 * keys + 4 * scalars_ > shared_numbers)
+    if (3 * keys + 4 * scalars_ > head_gradient_numbers)
       throw Failure(ErrorCode::unsupported, "the head has too many key points or channels for Vulkan");
     const double cost = keys * (20.0 * scalars_ + 24.0 * vectors_ + 36.0 * matrices_);
     for (std::uint32_t first = 0; first < pairs; first += capabilities_.groups) {

@@ -16,16 +16,16 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t lanes = 128;
+constexpr std::uint32_t tree_lanes = 128;
 constexpr std::size_t cells_per_point = 8;  // shaders/common/knn_tree.glsl
 // Boxes met and points compared, of a point's search.
-constexpr double search_cost = 6000;
+constexpr double tree_search_cost = 6000;
 
 struct Parts {
   std::size_t sorted, grids, cells, boxes, bytes;
 };
 
-Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
+Parts tree_parts(const graph::BatchLayout& layout, std::size_t alignment) {
   const std::size_t points = layout.rows(graph::Rows::point), clouds = layout.clouds();
   const auto after = [alignment](std::size_t begin, std::size_t bytes) {
     return aligned(begin + bytes, alignment);
@@ -43,9 +43,9 @@ Parts parts_of(const graph::BatchLayout& layout, std::size_t alignment) {
 
 KnnTree::KnnTree(const Context& context, int k, int dilation)
     : capabilities_(context.capabilities()),
-      bounds_(context.pipeline(shaders::knn_tree_bounds, std::array{lanes})),
-      scan_(context.pipeline(shaders::knn_tree_scan, std::array{lanes})),
-      levels_(context.pipeline(shaders::knn_tree_levels, std::array{lanes})),
+      bounds_(context.pipeline(shaders::knn_tree_bounds, std::array{tree_lanes})),
+      scan_(context.pipeline(shaders::knn_tree_scan, std::array{tree_lanes})),
+      levels_(context.pipeline(shaders::knn_tree_levels, std::array{tree_lanes})),
       clear_(context.pipeline(shaders::knn_tree_clear, std::array{tile_rows})),
       count_(context.pipeline(shaders::knn_tree_count, std::array{tile_rows})),
       scatter_(context.pipeline(shaders::knn_tree_scatter, std::array{tile_rows})),
@@ -55,12 +55,12 @@ KnnTree::KnnTree(const Context& context, int k, int dilation)
           std::array{tile_rows, static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(dilation)})) {}
 
 std::size_t KnnTree::scratch_bytes(const graph::BatchLayout& layout, const Capabilities& capabilities) {
-  return parts_of(layout, capabilities.alignment).bytes;
+  return tree_parts(layout, capabilities.alignment).bytes;
 }
 
 void KnnTree::record(Schedule& schedule, const graph::BatchLayout& layout, const RowTable& table,
                      const Slot& points, const Slot& index, const Range& scratch) const {
-  const Parts parts = parts_of(layout, capabilities_.alignment);
+  const Parts parts = tree_parts(layout, capabilities_.alignment);
   const Range sorted = scratch.sub(parts.sorted, parts.grids - parts.sorted);
   const Range grids = scratch.sub(parts.grids, parts.cells - parts.grids);
   const Range cells = scratch.sub(parts.cells, parts.boxes - parts.cells);
@@ -85,7 +85,7 @@ void KnnTree::record(Schedule& schedule, const graph::BatchLayout& layout, const
   const auto& tiles = table.host_tiles;
   const std::size_t row_bytes = sizeof(std::uint32_t) * static_cast<std::size_t>(index.per_row);
   const auto most_tiles = static_cast<std::uint32_t>(
-      std::clamp(most_cost / (search_cost * tile_rows), 1.0, static_cast<double>(capabilities_.groups)));
+      std::clamp(most_cost / (tree_search_cost * tile_rows), 1.0, static_cast<double>(capabilities_.groups)));
   for (std::uint32_t first = 0; first < tiles.size();) {
     const std::uint32_t first_row = tiles[first][1] / 64 * 64;
     std::uint32_t end = first, cloud_end = first;
@@ -100,7 +100,7 @@ void KnnTree::record(Schedule& schedule, const graph::BatchLayout& layout, const
     for (std::uint32_t at = first; at < end; at += most_tiles) {
       const std::uint32_t count = std::min(most_tiles, end - at);
       schedule.dispatch(search_, {sorted, table.tiles, table.offsets, boxes, rows_index, points.range},
-                        PointParameters{at, first_row}, {count, 1, 1}, search_cost * tile_rows * count);
+                        PointParameters{at, first_row}, {count, 1, 1}, tree_search_cost * tile_rows * count);
     }
     first = end;
   }

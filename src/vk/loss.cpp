@@ -9,7 +9,7 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
+constexpr std::uint32_t loss_group = 128;
 constexpr std::uint32_t most_keys = 1024;  // the shaders' loops go over their pairs
 
 std::uint32_t checked_keys(const graph::BatchLayout& layout) {
@@ -24,7 +24,7 @@ class LossKernel : public Kernel {
   LossKernel(const KernelContext& site, const ops::Loss& op)
       : capabilities_(site.context.capabilities()),
         pipeline_(site.context.pipeline(shaders::loss,
-                                        std::array{work_group, static_cast<std::uint32_t>(op.kind)})) {}
+                                        std::array{loss_group, static_cast<std::uint32_t>(op.kind)})) {}
 
   void record(const Arguments& args) const override {
     const std::uint32_t pairs = args.layout.pairs(), keys = checked_keys(args.layout);

@@ -6,7 +6,7 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t group_size = 64;
+constexpr std::uint32_t attention_group = 64;
 constexpr std::uint32_t queries_per_group = 8;
 
 class NeighbourAttentionKernel : public Kernel {
@@ -14,10 +14,11 @@ class NeighbourAttentionKernel : public Kernel {
   NeighbourAttentionKernel(const KernelContext& site, const ops::NeighbourAttention& op)
       : op_(op),
         heads_(static_cast<std::uint32_t>(site.in[0].per_row)),
-        pipeline_(site.context.pipeline(shaders::neighbour_attention,
-                                        std::array{group_size, static_cast<std::uint32_t>(site.in[3].per_row),
-                                                   heads_, static_cast<std::uint32_t>(site.in[0].width),
-                                                   static_cast<std::uint32_t>(site.in[2].width)})),
+        pipeline_(
+            site.context.pipeline(shaders::neighbour_attention,
+                                  std::array{attention_group, static_cast<std::uint32_t>(site.in[3].per_row),
+                                             heads_, static_cast<std::uint32_t>(site.in[0].width),
+                                             static_cast<std::uint32_t>(site.in[2].width)})),
         capabilities_(site.context.capabilities()) {}
 
   void record(const Arguments& args) const override {

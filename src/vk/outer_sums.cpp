@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint32_t if_flagged = 0x80000000, no_place = 0xffffffff;
 constexpr std::uint32_t block = 4, block_bytes = block * block * sizeof(float);
-constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t outer_sums_group = 32;
 constexpr std::uint32_t most_tiles = 65000;  // one loop goes through them all
 
 std::uint32_t blocks(std::uint32_t size) { return (size + block - 1) / block; }
@@ -46,8 +46,8 @@ void OuterSums::make_pipelines(const Context& context, std::uint32_t record, std
   capabilities_ = &context.capabilities();
   segmented_ = segmented;
   sums_ = context.pipeline(capabilities_->texels ? shaders::outer_sums_texels : shaders::outer_sums,
-                           std::array{work_group, record, flag});
-  totals_ = context.pipeline(shaders::outer_totals, std::array{work_group, number(places().size()),
+                           std::array{outer_sums_group, record, flag});
+  totals_ = context.pipeline(shaders::outer_totals, std::array{outer_sums_group, number(places().size()),
                                                                static_cast<std::uint32_t>(segmented)});
 }
 
@@ -63,7 +63,7 @@ void OuterSums::record_sums(const Arguments& args, const Memory& memory, const R
   if (tiles > most_tiles || tiles * job_count() * block_bytes > capabilities_->storage_range)
     throw Failure(ErrorCode::unsupported,
                   "a batch of " + std::to_string(tiles) + " tiles of 32 rows is too large to train on");
-  const std::uint32_t groups = (job_count() + work_group - 1) / work_group;
+  const std::uint32_t groups = (job_count() + outer_sums_group - 1) / outer_sums_group;
   if (count > 0)
     args.schedule.dispatch(sums_, {records, table.tiles, memory.jobs, memory.partials},
                            OuterParameters{first, first_row, job_count()}, {count, groups, 1},
@@ -72,13 +72,13 @@ void OuterSums::record_sums(const Arguments& args, const Memory& memory, const R
 
 void OuterSums::record_totals(const Arguments& args, const Memory& memory, const RowTable& table,
                               std::uint32_t segments, const Range& result) const {
-  const std::uint32_t groups = (number(places().size()) + work_group - 1) / work_group;
+  const std::uint32_t groups = (number(places().size()) + outer_sums_group - 1) / outer_sums_group;
   const std::uint32_t rows = segmented_ ? segments : 1, tiles = number(table.host_tiles.size());
   for (std::uint32_t first = 0; first < rows; first += capabilities_->groups)
     args.schedule.dispatch(totals_, {memory.partials, table.tiles, memory.places, result},
                            OuterTotalParameters{tiles, job_count(), first, begin_},
                            {groups, std::min(rows - first, capabilities_->groups), 1},
-                           10.0 * tiles * work_group * groups);
+                           10.0 * tiles * outer_sums_group * groups);
 }
 
 }  // namespace bitr::vk

@@ -9,11 +9,11 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t pair_attention_group = 32;
 // Bytes of messages between the dispatches; a larger batch goes in several runs.
-constexpr std::size_t most_scratch = std::size_t{32} << 20;
+constexpr std::size_t most_pair_scratch = std::size_t{32} << 20;
 // Bytes of messages saved for the gradient, which makes them again where there are more.
-constexpr std::size_t most_saved = std::size_t{64} << 20;
+constexpr std::size_t most_pair_saved = std::size_t{64} << 20;
 
 class PairAttentionKernel : public Kernel {
  public:
@@ -22,14 +22,14 @@ class PairAttentionKernel : public Kernel {
         k_(number(site.in[1].per_row)),
         capabilities_(site.context.capabilities()),
         messages_(site, op),
-        saves_(site.saved && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_saved),
+        saves_(site.saved && messages_.bytes(site.largest.rows(graph::Rows::pair_key)) <= most_pair_saved),
         one_run_(site.largest.rows(graph::Rows::pair_key) <= run_nodes()) {
     require_shared(4 * (k_ * number(op.heads) + number(op.heads) + number(op.key_fiber.size()) +
                         number(op.value_fiber.size()) + 2 * padded(op.fiber_out.size())));
     for (const std::uint32_t x : messages_.take_constants(0)) add_constant(x);
     weights_ = add_weights();
-    attention_pipeline_ =
-        site.context.pipeline(shaders::pair_attention, messages_.attention_sizes(std::array{work_group}));
+    attention_pipeline_ = site.context.pipeline(shaders::pair_attention,
+                                                messages_.attention_sizes(std::array{pair_attention_group}));
   }
 
   std::size_t scratch_bytes(const graph::BatchLayout& layout) const override {
@@ -83,7 +83,7 @@ class PairAttentionKernel : public Kernel {
   // Nodes whose messages fit into the scratch memory, and whose edges into the grid; index rows stay aligned.
   std::uint32_t run_nodes() const {
     const std::size_t node_bytes = sizeof(float) * (messages_.stride() + 6) * k_;
-    const std::size_t fit = std::min<std::size_t>(most_scratch / node_bytes, capabilities_.groups / k_);
+    const std::size_t fit = std::min<std::size_t>(most_pair_scratch / node_bytes, capabilities_.groups / k_);
     return static_cast<std::uint32_t>(std::max<std::size_t>(64, fit / 64 * 64));
   }
   std::size_t edge_bytes(std::size_t nodes, std::size_t numbers) const {

@@ -25,13 +25,11 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t gradient_group = 32;
 constexpr std::uint32_t sum_quads = 4;  // pair_gradient_sums.comp's QUADS
 constexpr std::uint32_t most_sectors = 1024, most_loops = 65000;
 // Between the dispatches; a larger batch goes in several runs.
-constexpr std::size_t most_scratch = std::size_t{96} << 20;
-
-std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
+constexpr std::size_t most_gradient_scratch = std::size_t{96} << 20;
 
 // Numbers of a node's record by degree and component, channels padded to vec4s
 // (pair_attention_gradient.comp).
@@ -52,7 +50,7 @@ class PairGradientKernel : public Kernel {
         fiber_(irreps::concatenate(op_.value_fiber, op_.key_fiber)),
         saved_(site.saved),
         messages_(site, op_),
-        sum_lanes_(std::clamp(capabilities_.subgroup_size, 8u, work_group)) {
+        sum_lanes_(std::clamp(capabilities_.subgroup_size, 8u, gradient_group)) {
     for (const ops::SectorTable& table : op_.tables)
       if (table.scale_degree == 0 && table.network->eps > 0)
         throw Failure(ErrorCode::unsupported, "models train in the scale-exact mode only");
@@ -239,9 +237,9 @@ class PairGradientKernel : public Kernel {
   }
 
   void make_pipelines(const Context& context) {
-    node_pipeline_ =
-        context.pipeline(shaders::pair_attention_gradient, messages_.attention_sizes(std::array{work_group}));
-    auto sizes = messages_.layer_sizes(std::array{work_group, k_, 0u});
+    node_pipeline_ = context.pipeline(shaders::pair_attention_gradient,
+                                      messages_.attention_sizes(std::array{gradient_group}));
+    auto sizes = messages_.layer_sizes(std::array{gradient_group, k_, 0u});
     turn_pipeline_ = context.pipeline(shaders::pair_gradient_turn, sizes);
     table_pipeline_ = context.pipeline(
         capabilities_.texels ? shaders::pair_gradient_tables_texels : shaders::pair_gradient_tables, sizes);
@@ -249,20 +247,20 @@ class PairGradientKernel : public Kernel {
         capabilities_.texels ? shaders::pair_gradient_edges_texels : shaders::pair_gradient_edges, sizes);
     const std::uint32_t parts = number(block_numbers_.size() / 8), tables = messages_.tables();
     for (KindParts& kind : kinds_) {
-      sizes = messages_.layer_sizes(std::array{work_group, kind.kind.n1, kind.kind.n2});
+      sizes = messages_.layer_sizes(std::array{gradient_group, kind.kind.n1, kind.kind.n2});
       for (const std::uint32_t x : {kind.kind.tables, parts}) sizes.push_back(x);
       kind.pipeline = context.pipeline(capabilities_.texels    ? shaders::pair_gradient_kernels_texels
                                        : capabilities_.shuffle ? shaders::pair_gradient_kernels_shuffle
                                                                : shaders::pair_gradient_kernels,
                                        sizes);
     }
-    list_pipeline_ = context.pipeline(shaders::pair_gradient_lists, std::array{work_group, sectors_});
+    list_pipeline_ = context.pipeline(shaders::pair_gradient_lists, std::array{gradient_group, sectors_});
     sum_pipeline_ = context.pipeline(
         capabilities_.texels ? shaders::pair_gradient_sums_texels : shaders::pair_gradient_sums,
         std::array{sum_lanes_, sectors_, tables, messages_.in_vectors()});
     form_pipeline_ = context.pipeline(
         capabilities_.texels ? shaders::pair_gradient_forms_texels : shaders::pair_gradient_forms,
-        std::array{work_group, sectors_, tables});
+        std::array{gradient_group, sectors_, tables});
     products_.make_pipelines(context, record_size_, 0, false);
     lists_.emplace(context, static_cast<int>(k_));
     const std::uint32_t row = padded(op_.fiber_in.size()), edge = row / 4 + 2;
@@ -286,7 +284,7 @@ class PairGradientKernel : public Kernel {
   // Index rows stay aligned.
   std::uint32_t run_pairs(const graph::BatchLayout& layout) const {
     const std::uint32_t edges = std::max(layout.key_points * k_, 1u), unit = 64 / std::gcd(64u, edges);
-    const std::size_t most = std::min(most_edges(), most_scratch / edge_bytes());
+    const std::size_t most = std::min(most_edges(), most_gradient_scratch / edge_bytes());
     return std::max<std::uint32_t>(number(most / edges) / unit, 1) * unit;
   }
 
@@ -336,7 +334,7 @@ class PairGradientKernel : public Kernel {
                              PairGradientParameters{first_node, edges, block, first_pair > 0 ? 1u : 0u},
                              groups, cost);
     };
-    const std::uint32_t groups = rounds(edges, work_group);
+    const std::uint32_t groups = rounds(edges, gradient_group);
     const double cost = 10.0 * op_.coefficient_count * edges;
 
     messages_.record_order(args, run, index, positions, m.keys, m.order);
@@ -367,7 +365,7 @@ class PairGradientKernel : public Kernel {
     dispatch(form_pipeline_,
              {m.begins, m.sector_lists, m.factors, m.d_radial, messages_.heads().of(args), tables_.of(args),
               result},
-             {rounds(sectors_, work_group) + 1, tables, 1}, 50.0 * edges * tables);
+             {rounds(sectors_, gradient_group) + 1, tables, 1}, 50.0 * edges * tables);
 
     const RowTable& table = args.tables.pair_key;
     const auto tile_of = [&](std::uint32_t pair) {

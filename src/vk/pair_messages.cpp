@@ -12,12 +12,10 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 32;
+constexpr std::uint32_t messages_group = 32;
 constexpr std::uint32_t ordered_edges = 4096;   // by a work group
 constexpr std::uint32_t wide_work_group = 128;  // for pair_networks where loops would be too long for 32
 constexpr std::uint32_t most_shared = 16384;    // bytes: what every device has
-
-std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) { return (items + lanes - 1) / lanes; }
 
 }  // namespace
 
@@ -45,11 +43,11 @@ PairMessages::PairMessages(const KernelContext& site, const ops::PairAttention& 
                                               std::to_string(capabilities_.storage_range));
   check_loops();
   choose_network_edges();
-  order_pipeline_ = site.context.pipeline(shaders::pair_order, std::array{work_group, k_, ordered_edges});
+  order_pipeline_ = site.context.pipeline(shaders::pair_order, std::array{messages_group, k_, ordered_edges});
   message_pipeline_ = site.context.pipeline(capabilities_.texels    ? shaders::pair_messages_texels
                                             : capabilities_.shuffle ? shaders::pair_messages_shuffle
                                                                     : shaders::pair_messages,
-                                            layer_sizes(std::array{work_group, k_, 0u}));
+                                            layer_sizes(std::array{messages_group, k_, 0u}));
   network_pipeline_ =
       site.context.pipeline(shaders::pair_networks, layer_sizes({network_lanes_, k_, network_edges_}));
 }
@@ -141,7 +139,7 @@ void PairMessages::record(const Arguments& args, const PairParameters& run, cons
   const double cost = 10.0 * op_.coefficient_count * edges;
   args.schedule.dispatch(message_pipeline_,
                          {features, order, positions, heads, rays, sectors, messages, rare}, run,
-                         {rounds(edges, work_group), 1, 1}, cost);
+                         {rounds(edges, messages_group), 1, 1}, cost);
   args.schedule.dispatch(network_pipeline_,
                          {features, index, positions, heads, rays, sectors, messages, rare}, run,
                          {rounds(edges, network_edges_), 1, 1}, 10 * cost);

@@ -6,6 +6,11 @@
 
 namespace bitr::vk {
 
+/// How often so many lanes go round so many items.
+constexpr std::uint32_t rounds(std::uint32_t items, std::uint32_t lanes) {
+  return (items + lanes - 1) / lanes;
+}
+
 /// Part of a kernel's constants.
 struct ConstantPart {
   VkDeviceSize offset = 0, bytes = 0;

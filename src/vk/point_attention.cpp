@@ -10,7 +10,7 @@ namespace bitr::vk {
 namespace {
 
 // Bytes of sums saved for the gradient, which makes them again where there are more.
-constexpr std::size_t most_saved = std::size_t{64} << 20;
+constexpr std::size_t most_point_saved = std::size_t{64} << 20;
 
 class PointAttentionKernel : public Kernel {
  public:
@@ -19,7 +19,7 @@ class PointAttentionKernel : public Kernel {
         capabilities_(site.context.capabilities()),
         row_bytes_(sizeof(float) * padded(site.out[0].width)),
         rows_(site.out[0].rows),
-        saves_(site.saved && saved_row_bytes(op) * site.largest.rows(rows_) <= most_saved) {
+        saves_(site.saved && saved_row_bytes(op) * site.largest.rows(rows_) <= most_point_saved) {
     for (const auto* matrix : {&op.M1, &op.O1, &op.S1, &op.Mz1, &op.Oz1, &op.plane}) add_constants(*matrix);
     pad_constants(4);
     if (!op.per_cloud)

@@ -15,7 +15,7 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
+constexpr std::uint32_t reverse_group = 128;
 
 std::uint32_t part(const EdgeGather::Shape& shape) { return std::min(shape.width / 4, 4u); }
 std::size_t list_bytes(std::size_t count) { return scratch_aligned(sizeof(std::uint32_t) * count); }
@@ -25,11 +25,11 @@ std::size_t list_bytes(std::size_t count) { return scratch_aligned(sizeof(std::u
 ReverseNeighbours::ReverseNeighbours(const Context& context, int k)
     : capabilities_(context.capabilities()),
       k_(static_cast<std::uint32_t>(k)),
-      clear_(context.pipeline(shaders::reverse_neighbours_clear, std::array{work_group})),
-      count_(context.pipeline(shaders::reverse_neighbours_count, std::array{work_group})),
-      scan_(context.pipeline(shaders::reverse_neighbours_scan, std::array{work_group, k_})),
-      fill_(context.pipeline(shaders::reverse_neighbours_fill, std::array{work_group})),
-      sort_(context.pipeline(shaders::reverse_neighbours_sort, std::array{work_group})) {}
+      clear_(context.pipeline(shaders::reverse_neighbours_clear, std::array{reverse_group})),
+      count_(context.pipeline(shaders::reverse_neighbours_count, std::array{reverse_group})),
+      scan_(context.pipeline(shaders::reverse_neighbours_scan, std::array{reverse_group, k_})),
+      fill_(context.pipeline(shaders::reverse_neighbours_fill, std::array{reverse_group})),
+      sort_(context.pipeline(shaders::reverse_neighbours_sort, std::array{reverse_group})) {}
 
 std::size_t ReverseNeighbours::bytes(std::size_t rows, std::size_t neighbors) const {
   return 2 * list_bytes(neighbors) + 2 * list_bytes(rows * k_);
@@ -50,11 +50,11 @@ EdgeLists ReverseNeighbours::record(const Arguments& args, const Slot& index, gr
   if (!args.make_lists) return {begins, counts, places};
   const auto all = [&](PipelineOf<EdgeParameters> pipeline, std::uint32_t items,
                        const std::vector<Range>& ranges) {
-    const std::uint32_t most = capabilities_.groups * work_group;
+    const std::uint32_t most = capabilities_.groups * reverse_group;
     for (std::uint32_t first = 0; first < items; first += most) {
       const std::uint32_t end = items - first > most ? first + most : items;
       args.schedule.dispatch(pipeline, ranges, EdgeParameters{first, end},
-                             {(end - first + work_group - 1) / work_group, 1, 1}, 30.0 * (end - first));
+                             {(end - first + reverse_group - 1) / reverse_group, 1, 1}, 30.0 * (end - first));
     }
   };
   all(clear_, count, {counts});

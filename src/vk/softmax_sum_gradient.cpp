@@ -9,7 +9,7 @@
 namespace bitr::vk {
 namespace {
 
-constexpr std::uint32_t work_group = 128;
+constexpr std::uint32_t sum_gradient_group = 128;
 constexpr int most_channels = 1024, most_columns = 256;  // the shader's limits
 
 // FLAGS of the shader.
@@ -19,7 +19,7 @@ class SoftmaxSumGradient : public Kernel {
  public:
   SoftmaxSumGradient(const KernelContext& site, const ops::Gradient<ops::SoftmaxSum>& op)
       : op_(op), capabilities_(site.context.capabilities()), stride_(padded(site.in[0].width)) {
-    normaliser_ = site.context.pipeline(shaders::softmax_normaliser, std::array{work_group, stride_});
+    normaliser_ = site.context.pipeline(shaders::softmax_normaliser, std::array{sum_gradient_group, stride_});
     std::uint32_t added = 0;
     for (int i = 0; i < op.outputs; ++i) {
       const int columns = site.in[op.inputs + i].width;

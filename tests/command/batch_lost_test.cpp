@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <memory>
 #include <sstream>
 #include <utility>
 
@@ -26,19 +27,32 @@ struct Results {
   int submissions = 0;      ///< 0: the layer was not there
 };
 
+/// The pairs, and what becomes of them where nothing is lost: the same for every test.
+struct Untroubled {
+  const Folder clouds;
+  Results whole;
+  bool device = false;
+};
+
 class BatchLost : public testing::Test {
  protected:
-  void SetUp() override {
+  static void SetUpTestSuite() {
+    untroubled_ = std::make_unique<Untroubled>();
     const Finished listed = run_command({"devices", "--json"});
     ASSERT_EQ(listed.status, 0) << listed.err;
     const json found = json::parse(listed.out);
-    bool usable = false;
-    for (const json& device : found["devices"]) usable = usable || device["usable"];
-    if (!usable) GTEST_SKIP() << "no Vulkan device";
-    const Finished made = run_command(
-        {"generate", "copy", "--out", clouds_.path(), "--count", std::to_string(count), "--points", "60"});
+    for (const json& device : found["devices"])
+      untroubled_->device = untroubled_->device || device["usable"].get<bool>();
+    if (!untroubled_->device) return;
+    const Finished made = run_command({"generate", "copy", "--out", untroubled_->clouds.path(), "--count",
+                                       std::to_string(count), "--points", "60"});
     ASSERT_EQ(made.status, 0) << made.err;
-    whole_ = run({});
+    untroubled_->whole = run_by("2", {});
+  }
+  static void TearDownTestSuite() { untroubled_.reset(); }
+
+  void SetUp() override {
+    if (!untroubled_->device) GTEST_SKIP() << "no Vulkan device";
     ASSERT_EQ(whole_.finished.status, 0) << whole_.finished.err;
     ASSERT_EQ(whole_.lines.size(), count);
     if (whole_.submissions == 0) GTEST_SKIP() << "the Vulkan loader takes no layers";
@@ -47,20 +61,24 @@ class BatchLost : public testing::Test {
   }
 
   Results run(Words environment, const Words& options = {}, const Folder& out = Folder()) const {
+    return run_by(pairs_, std::move(environment), options, out);
+  }
+  static Results run_by(const std::string& pairs, Words environment, const Words& options = {},
+                        const Folder& out = Folder()) {
     const std::string counted = out.path("submissions");
     environment.insert(environment.end(),
                        {"VK_LAYER_PATH=" BITR_LAYERS, "VK_INSTANCE_LAYERS=VK_LAYER_BITR_lose_device",
                         "LOSE_DEVICE_COUNT=" + counted});
     Results found;
     Words words = {"batch",
-                   clouds_.path("copy.jsonl"),
+                   untroubled_->clouds.path("copy.jsonl"),
                    "--out",
                    out.path(),
                    "--complete-match",
                    "--backend",
                    "vulkan",
                    "--pairs",
-                   pairs_};
+                   pairs};
     words.insert(words.end(), options.begin(), options.end());
     found.finished = run_command(words, environment);
     std::istringstream text(read_text(out.path("results.jsonl")));
@@ -81,9 +99,9 @@ class BatchLost : public testing::Test {
   // First the plan's, then the pairs'.
   std::vector<int> chosen() const { return {1, 2, whole_.submissions / 2, whole_.submissions}; }
 
-  const Folder clouds_;
+  static inline std::unique_ptr<Untroubled> untroubled_;
+  const Results& whole_ = untroubled_->whole;
   std::string pairs_ = "2";  ///< in a submission
-  Results whole_;
 };
 
 TEST_F(BatchLost, NothingIsSaidWhereNothingIsLost) {

@@ -14,12 +14,12 @@ using graph::BatchLayout;
 using graph::Rows;
 using test::OpTensor;
 
-struct Shape {
+struct HeadShape {
   int scalars, others;
   std::uint32_t keys;
 };
 
-ops::Head make_head(Random& random, const Shape& shape, double eps) {
+ops::Head make_head(Random& random, const HeadShape& shape, double eps) {
   ops::Head op;
   op.fiber = {
       {{0, 0}, shape.scalars}, {{0, 1}, shape.others}, {{1, 0}, shape.others}, {{1, 1}, shape.others}};
@@ -45,7 +45,7 @@ class Head : public testing::Test {
 
   // Features: uniform in ±1, changed by `change(value, row, column)`. `growth`: by which inputs exceed usual ones.
   template <class Change>
-  void check(const ops::Head& op, const Shape& shape, const Change& change, double growth = 1) {
+  void check(const ops::Head& op, const HeadShape& shape, const Change& change, double growth = 1) {
     const BatchLayout layout(std::vector<std::uint32_t>(6, 2), shape.keys);
     const std::size_t rows = layout.rows(Rows::pair_key);
     OpTensor positions{Rows::pair_key, 1, 6, false, {}, {}},
@@ -76,10 +76,11 @@ class Head : public testing::Test {
   Random random_{21};
 };
 
-constexpr Shape usual{8, 2, 32};
+constexpr HeadShape usual{8, 2, 32};
 
 TEST_F(Head, AnySizes) {
-  for (const Shape& shape : {Shape{1, 1, 2}, usual, Shape{100, 25, 64}, Shape{256, 64, 1024}}) {
+  for (const HeadShape& shape :
+       {HeadShape{1, 1, 2}, usual, HeadShape{100, 25, 64}, HeadShape{256, 64, 1024}}) {
     SCOPED_TRACE(testing::Message() << shape.scalars << " channels, " << shape.keys << " key points");
     check(make_head(random_, shape, 1e-6), shape, [](double x, std::size_t, int) { return x; });
   }

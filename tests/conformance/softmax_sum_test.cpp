@@ -14,7 +14,7 @@ using graph::BatchLayout;
 using graph::Rows;
 using test::OpTensor;
 
-struct Shape {
+struct SumShape {
   int channels, logit_width;
   std::vector<std::array<int, 2>> values;  ///< width, skip
 };
@@ -31,7 +31,7 @@ struct SumRun {
   std::vector<OpTensor> inputs, outputs;
 };
 
-SumRun make_run(const Shape& shape, const BatchLayout& layout, double range) {
+SumRun make_run(const SumShape& shape, const BatchLayout& layout, double range) {
   Random random(17);
   SumRun run{{shape.channels, {}}, {random_tensor(random, layout, shape.logit_width, range)}, {}};
   for (const auto& [width, skip] : shape.values) {
@@ -59,14 +59,14 @@ void check(const SumRun& run, const BatchLayout& layout) {
   }
 }
 
-const Shape shapes[] = {{1, 1, {{3, 0}}},
-                        {1, 5, {{16, 0}, {5, 1}}},
-                        {1, 9, {{48, 0}, {9, 1}, {7, 2}, {5, 3}, {5, 4}}},
-                        {2, 3, {{1, 0}}},
-                        {5, 7, {{4, 1}, {4, 3}, {11, 6}}},
-                        {32, 32, {{3, 0}}},
-                        {33, 40, {{3, 0}, {6, 1}}},
-                        {200, 200, {{3, 0}}}};
+const SumShape shapes[] = {{1, 1, {{3, 0}}},
+                           {1, 5, {{16, 0}, {5, 1}}},
+                           {1, 9, {{48, 0}, {9, 1}, {7, 2}, {5, 3}, {5, 4}}},
+                           {2, 3, {{1, 0}}},
+                           {5, 7, {{4, 1}, {4, 3}, {11, 6}}},
+                           {32, 32, {{3, 0}}},
+                           {33, 40, {{3, 0}, {6, 1}}},
+                           {200, 200, {{3, 0}}}};
 
 class SoftmaxSum : public testing::Test {
  protected:
@@ -77,7 +77,7 @@ class SoftmaxSum : public testing::Test {
 
 TEST_F(SoftmaxSum, EveryShape) {
   const BatchLayout layout(std::vector<std::uint32_t>{1, 127, 128, 129, 700, 2, 31, 33, 4097, 256}, 4);
-  for (const Shape& shape : shapes)
+  for (const SumShape& shape : shapes)
     for (const double range : {0.0, 1.0, 30.0, 4096.0}) {
       SCOPED_TRACE(testing::Message() << shape.channels << " channels, logits up to " << range);
       check(make_run(shape, layout, range), layout);
@@ -87,7 +87,7 @@ TEST_F(SoftmaxSum, EveryShape) {
 TEST_F(SoftmaxSum, BitsDoNotDependOnTheBatch) {
   const std::vector<std::uint32_t> sizes = {1, 127, 300, 129, 700, 2, 31, 1025, 64, 256};
   const BatchLayout layout(sizes, 4);
-  for (const Shape& shape : shapes) {
+  for (const SumShape& shape : shapes) {
     const SumRun run = make_run(shape, layout, 10);
     const auto together = test::run_op_vulkan(run.op, layout, run.inputs, run.outputs);
     ASSERT_EQ(together.size(), run.outputs.size());

@@ -69,7 +69,7 @@ std::vector<Case> cases() {
   return all;
 }
 
-constexpr std::array kinds = {ops::LossKind::direct, ops::LossKind::robust, ops::LossKind::official};
+constexpr std::array loss_kinds = {ops::LossKind::direct, ops::LossKind::robust, ops::LossKind::official};
 
 class EveryGradient : public testing::TestWithParam<Case> {
  protected:
@@ -82,7 +82,7 @@ class EveryGradient : public testing::TestWithParam<Case> {
 
   void check(Mode mode, bool as_defined) {
     weights_.mode = mode;
-    for (const ops::LossKind kind : kinds) {
+    for (const ops::LossKind kind : loss_kinds) {
       const train::TrainingGraph training = train::training_graph(weights_, kind, as_defined);
       const graph::Graph& graph = training.result.graph;
       ASSERT_EQ(graph::check_executable(graph), "");
@@ -302,7 +302,7 @@ TEST(EveryGradientTest, CoversEveryGradient) {
   std::set<std::size_t> met;
   for (const Case& c : cases())
     for (const bool as_defined : {true, false})
-      for (const ops::LossKind kind : kinds)
+      for (const ops::LossKind kind : loss_kinds)
         for (const auto& node :
              train::training_graph(test::perturbed_weights(c.config, 3), kind, as_defined).result.graph.nodes)
           met.insert(node.op.index());

@@ -5,10 +5,19 @@
 #include <bit>
 #include <bitr/io.hpp>
 #include <cstring>
+#include <map>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace bitr::io {
+
+/// By the names of their parsers.
+inline const std::map<std::string, CloudFormat> formats = {
+    {"ply", CloudFormat::ply}, {"pcd", CloudFormat::pcd}, {"text", CloudFormat::text},
+    {"npy", CloudFormat::npy}, {"obj", CloudFormat::obj}, {"off", CloudFormat::off},
+    {"stl", CloudFormat::stl}};
+inline const std::vector<Vec3d> two_points = {{1, 2, 3}, {-4.5, 0.25, 1e3}};
 
 /// The values' bytes one after the other, in the given byte order.
 template <class... Values>

@@ -10,11 +10,6 @@
 namespace bitr::io {
 namespace {
 
-const std::map<std::string, CloudFormat> formats = {{"ply", CloudFormat::ply},   {"pcd", CloudFormat::pcd},
-                                                    {"text", CloudFormat::text}, {"npy", CloudFormat::npy},
-                                                    {"obj", CloudFormat::obj},   {"off", CloudFormat::off},
-                                                    {"stl", CloudFormat::stl}};
-
 void expect_named(const Error& error) {
   EXPECT_TRUE(error.message.starts_with("scan.dat: ")) << error.message;
   EXPECT_EQ(error.message.find('\n'), std::string::npos) << error.message;

@@ -352,11 +352,6 @@ TEST(MoveCloud, StlMovesCornersAndTurnsFacets) {
   EXPECT_EQ(text_of(*result), facet);
 }
 
-const std::map<std::string, CloudFormat> formats = {{"ply", CloudFormat::ply},   {"pcd", CloudFormat::pcd},
-                                                    {"text", CloudFormat::text}, {"npy", CloudFormat::npy},
-                                                    {"obj", CloudFormat::obj},   {"off", CloudFormat::off},
-                                                    {"stl", CloudFormat::stl}};
-
 TEST(MoveCloud, WhatIsReadFromAMovedFileIsTheMovedCloud) {
   Random random(9);
   for (const auto& [parser, file, content] : cloud_seeds()) {

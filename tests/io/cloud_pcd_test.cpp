@@ -15,7 +15,6 @@ Result<Geometry> pcd(const std::string& content) { return parse(content, CloudFo
 const std::string xyz =
     "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT "
     "1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\n";
-const std::vector<Vec3d> two_points = {{1, 2, 3}, {-4.5, 0.25, 1e3}};
 
 std::string compressed(const std::string& columns) {
   std::string packed(columns.size() + 64, '\0');

@@ -9,8 +9,6 @@
 namespace bitr::io {
 namespace {
 
-const std::vector<Vec3d> two_points = {{1, 2, 3}, {-4.5, 0.25, 1e3}};
-
 Result<Geometry> ply(const std::string& content) { return parse(content, CloudFormat::ply); }
 
 std::string xyz_header(const std::string& format, int count) {

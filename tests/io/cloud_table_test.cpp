@@ -9,8 +9,6 @@ namespace {
 Result<Geometry> table(const std::string& content) { return parse(content, CloudFormat::text); }
 Result<Geometry> npy(const std::string& content) { return parse(content, CloudFormat::npy); }
 
-const std::vector<Vec3d> two_points = {{1, 2, 3}, {-4.5, 0.25, 1e3}};
-
 TEST(TextCloud, TakesEverySeparator) {
   for (const char* content : {"1 2 3\n-4.5 .25 1e3", "1,2,3\n-4.5,.25,1e3\n", "1\t2\t3\r\n-4.5\t.25\t1e3\r\n",
                               "1;2;3\n-4.5;.25;+1E3\n", "  1 , 2 , 3 \n\n -4.5 ,0.25,1000.0,\n",

@@ -18,7 +18,7 @@ using ::testing::StartsWith;
 
 constexpr auto int64_max = std::numeric_limits<std::int64_t>::max();
 
-Result<Document> run(const std::string& pickle) {
+Result<Document> unpickle(const std::string& pickle) {
   return parse(std::as_bytes(std::span(pickle.data(), pickle.size())), "p");
 }
 
@@ -31,7 +31,7 @@ std::string bytes(std::initializer_list<int> values) {
 template <class T>
 T root(const std::string& body) {
   const std::string pickle = proto + body + ".";
-  const auto document = run(pickle);
+  const auto document = unpickle(pickle);
   EXPECT_TRUE(document) << document.error().message;
   if (!document) return {};
   const T* value = document->get<T>(document->root);
@@ -56,15 +56,15 @@ TEST(Pickle, Numbers) {
 
 TEST(Pickle, Text) {
   const std::string narrow = proto + bytes({0x8c, 2}) + "Δ.";
-  EXPECT_EQ(*run(narrow)->get<std::string_view>(0), "Δ");
+  EXPECT_EQ(*unpickle(narrow)->get<std::string_view>(0), "Δ");
   const std::string wide_text = proto + bytes({0x8d}) + little(3, 8) + "abc.";
-  EXPECT_EQ(*run(wide_text)->get<std::string_view>(0), "abc");
+  EXPECT_EQ(*unpickle(wide_text)->get<std::string_view>(0), "abc");
 }
 
 TEST(Pickle, Containers) {
   const std::string pickle = proto + "}(" + text("list") + "]q\x07(K\x01K\x02" + "e" + "K\x03" + "a" +
                              text("tuples") + "K\x01\x85K\x02\x86)N\x87" + "uK\x05h\x07s.";
-  const auto document = run(pickle);
+  const auto document = unpickle(pickle);
   ASSERT_TRUE(document) << document.error().message;
   const auto* dict = document->get<Dict>(document->root);
   ASSERT_TRUE(dict);
@@ -80,7 +80,7 @@ TEST(Pickle, Containers) {
 TEST(Pickle, StackGlobalAndMemoizeAndFrame) {
   const std::string pickle = bytes({0x80, 4, 0x95}) + little(3, 8) + text("collections") + "\x94" +
                              text("OrderedDict") + "\x94\x93\x94)R\x94h\x02)R\x86.";
-  const auto document = run(pickle);
+  const auto document = unpickle(pickle);
   ASSERT_TRUE(document) << document.error().message;
   const auto items = document->items(*document->get<Tuple>(document->root));
   EXPECT_TRUE(document->get<Dict>(items[0])->ordered);
@@ -95,7 +95,7 @@ TEST(Pickle, VersionsOfAStateDictAreDropped) {
 TEST(Pickle, Tensors) {
   const std::string pickle =
       proto + parameter(tensor(storage("HalfStorage", "7", 20), 2, {2, 3}, {1, 6})) + ".";
-  const auto document = run(pickle);
+  const auto document = unpickle(pickle);
   ASSERT_TRUE(document) << document.error().message;
   const View& view = document->tensors[document->get<TensorRef>(document->root)->index];
   EXPECT_EQ(view.offset, 2u);
@@ -121,7 +121,7 @@ struct Refused {
 };
 
 void expect_refused(const std::string& pickle, const std::string& message) {
-  const auto document = run(pickle);
+  const auto document = unpickle(pickle);
   ASSERT_FALSE(document) << message;
   EXPECT_EQ(document.error().code, ErrorCode::bad_file);
   EXPECT_THAT(document.error().message,
@@ -307,19 +307,19 @@ TEST(Pickle, SharingIsNeverExpanded) {
     for (int i = 0; i < 100; ++i) pickle += std::string("h") + static_cast<char>(level);
     pickle += "e\x94\x86";
   }
-  const auto document = run(pickle + ".");
+  const auto document = unpickle(pickle + ".");
   ASSERT_TRUE(document) << document.error().message;
   EXPECT_EQ(document->lists.size(), 51u);
 }
 
 TEST(Pickle, ACycleIsOnlyAReference) {
-  const auto document = run(proto + "]q" + bytes({0}) + "h" + bytes({0}) + "a.");
+  const auto document = unpickle(proto + "]q" + bytes({0}) + "h" + bytes({0}) + "a.");
   ASSERT_TRUE(document) << document.error().message;
   EXPECT_EQ(document->lists[0], std::vector<Id>{document->root});
 }
 
 TEST(Pickle, AMillionLevelsDeep) {
-  const auto document = run(proto + "N" + std::string(1'000'000, '\x85') + ".");
+  const auto document = unpickle(proto + "N" + std::string(1'000'000, '\x85') + ".");
   ASSERT_TRUE(document) << document.error().message;
   EXPECT_EQ(document->values.size(), 1'000'001u);
 }
@@ -329,8 +329,9 @@ TEST(Pickle, EveryTruncationIsAnError) {
                              parameter(tensor(storage("FloatStorage", "0", 6), 0, {2, 3}, {3, 1})) +
                              text("epoch") + bytes({'G', 0, 0, 0, 0, 0, 0, 0, 0}) + "u}" + text("_metadata") +
                              "}sb.";
-  ASSERT_TRUE(run(pickle));
-  for (std::size_t size = 0; size < pickle.size(); ++size) EXPECT_FALSE(run(pickle.substr(0, size))) << size;
+  ASSERT_TRUE(unpickle(pickle));
+  for (std::size_t size = 0; size < pickle.size(); ++size)
+    EXPECT_FALSE(unpickle(pickle.substr(0, size))) << size;
 }
 
 }  // namespace

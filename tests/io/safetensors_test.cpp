@@ -107,7 +107,7 @@ TEST(Safetensors, AnEmptyTensorMayBeWide) {
   expect_equal(map, *again);
 }
 
-struct Malformed {
+struct MalformedWeights {
   std::string header;
   std::size_t data;
   std::string message;
@@ -121,7 +121,7 @@ TEST(Safetensors, MalformedHeaders) {
     return R"({"x":{"dtype":"U8","shape":[4],"data_offsets":)" + first +
            R"(},"y":{"dtype":"U8","shape":[4],"data_offsets":)" + second + "}}";
   };
-  const Malformed table[] = {
+  const MalformedWeights table[] = {
       {"", 0, "byte 8: the header does not start with '{'"},
       {" {}", 0, "byte 8: the header does not start with '{'"},
       {"[]", 0, "does not start with '{'"},
@@ -175,7 +175,7 @@ TEST(Safetensors, MalformedHeaders) {
       {R"({"__metadata__":"k"})", 0, R"("__metadata__" holds a string)"},
       {R"({"a\nb\u0007":0})", 0, R"("a\x0ab\x07" holds a number)"},
   };
-  for (const Malformed& malformed : table) {
+  for (const MalformedWeights& malformed : table) {
     const auto map = parse_safetensors(file_of(malformed.header, malformed.data), "bad.safetensors");
     ASSERT_FALSE(map) << malformed.header;
     EXPECT_EQ(map.error().code, ErrorCode::bad_file);

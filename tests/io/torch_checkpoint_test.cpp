@@ -21,11 +21,11 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-Result<TensorMap> run(const std::string& file) {
+Result<TensorMap> load(const std::string& file) {
   return parse_torch_checkpoint(std::as_bytes(std::span(file.data(), file.size())), "c.pt");
 }
 
-std::string read(const std::filesystem::path& path) {
+std::string bytes_of(const std::filesystem::path& path) {
   std::ifstream stream(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }
@@ -60,14 +60,14 @@ std::string archive(const std::string& body, zip_int32_t method = ZIP_CM_STORE) 
 
 TEST(TorchCheckpoint, StateDictWithViewsAndTiedTensors) {
   for (const zip_int32_t method : {ZIP_CM_STORE, ZIP_CM_DEFLATE}) {
-    const auto map = run(archive(dict({text("w"), tensor(six, 0, {2, 3}, {3, 1}),               //
-                                       text("transposed"), tensor(six, 0, {3, 2}, {1, 3}),      //
-                                       text("parameter"), parameter(tensor(six, 4, {2}, {1})),  //
-                                       text("every other"), tensor(six, 1, {3}, {2}),           //
-                                       text("scalar"), tensor(six, 5, {}, {}),                  //
-                                       text("expanded"), tensor(six, 2, {1, 2, 2}, {9, 0, 3}),  //
-                                       text("empty"), tensor(six, 0, {0, 4}, {4, 1})}),
-                                 method));
+    const auto map = load(archive(dict({text("w"), tensor(six, 0, {2, 3}, {3, 1}),               //
+                                        text("transposed"), tensor(six, 0, {3, 2}, {1, 3}),      //
+                                        text("parameter"), parameter(tensor(six, 4, {2}, {1})),  //
+                                        text("every other"), tensor(six, 1, {3}, {2}),           //
+                                        text("scalar"), tensor(six, 5, {}, {}),                  //
+                                        text("expanded"), tensor(six, 2, {1, 2, 2}, {9, 0, 3}),  //
+                                        text("empty"), tensor(six, 0, {0, 4}, {4, 1})}),
+                                  method));
     ASSERT_TRUE(map) << map.error().message;
     ASSERT_EQ(map->tensors.size(), 7u);
     EXPECT_THAT(map->tensors.at("w").shape, ElementsAre(2, 3));
@@ -94,18 +94,18 @@ TEST(TorchCheckpoint, TrainingCheckpoint) {
   const std::string optimizer =
       dict({text("state"), dict({std::string("K\0", 2), dict({text("step"), w, text("exp_avg"), w})}),
             text("param_groups"), "](" + group + "e"});
-  const auto map = run(archive(dict({text("epoch"), "K\x07", text("model_state_dict"), dict({text("w"), w}),
-                                     text("optimizer_state_dict"), optimizer})));
+  const auto map = load(archive(dict({text("epoch"), "K\x07", text("model_state_dict"), dict({text("w"), w}),
+                                      text("optimizer_state_dict"), optimizer})));
   ASSERT_TRUE(map) << map.error().message;
   ASSERT_EQ(map->tensors.size(), 1u);
   EXPECT_THAT(map->tensors.at("w").to_double(), ElementsAre(0, 1, 2, 3, 4, 5));
 
-  const auto other = run(archive(dict({text("state_dict"), ordered_dict + "(" + text("v") + w + "u"})));
+  const auto other = load(archive(dict({text("state_dict"), ordered_dict + "(" + text("v") + w + "u"})));
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_TRUE(other->tensors.contains("v"));
 }
 
-struct Malformed {
+struct MalformedArchive {
   std::string file;
   std::string message;
 };
@@ -117,7 +117,7 @@ TEST(TorchCheckpoint, Malformed) {
   std::string tied = "}(";
   for (int i = 0; i < 5000; ++i) tied += text(std::to_string(i)) + "h\x01";
   const std::string zeros = storage("FloatStorage", "0", 1 << 16);
-  const Malformed table[] = {
+  const MalformedArchive table[] = {
       {"", "no data.pkl"},
       {"PK\x03\x04", "not a zip archive"},
       {"not a zip at all, but long enough to look for an end of directory", "not a zip archive"},
@@ -159,8 +159,8 @@ TEST(TorchCheckpoint, Malformed) {
       {archive(global("os", "system") + tuple({text("id")}) + "R"),
        R"(c.pt: data.pkl: byte 2: refuses global "os.system")"},
   };
-  for (const Malformed& malformed : table) {
-    const auto map = run(malformed.file);
+  for (const MalformedArchive& malformed : table) {
+    const auto map = load(malformed.file);
     ASSERT_FALSE(map) << malformed.message;
     EXPECT_THAT(map.error().message,
                 AllOf(StartsWith("c.pt: "), HasSubstr(malformed.message), Not(HasSubstr("\n"))));
@@ -172,7 +172,7 @@ TEST(TorchCheckpoint, DamageIsFound) {
   const std::size_t at = file.find(counting(6));
   ASSERT_NE(at, std::string::npos);
   file[at + 5] ^= 1;
-  const auto map = run(file);
+  const auto map = load(file);
   ASSERT_FALSE(map);
   EXPECT_THAT(map.error().message, HasSubstr(R"(tensor "w": entry "model/data/0" is damaged: CRC error)"));
 }
@@ -180,13 +180,13 @@ TEST(TorchCheckpoint, DamageIsFound) {
 TEST(TorchCheckpoint, EveryTruncationAndEveryFlippedByteIsHandled) {
   for (const zip_int32_t method : {ZIP_CM_STORE, ZIP_CM_DEFLATE}) {
     const std::string file = archive(dict({text("w"), tensor(six, 0, {6}, {1})}), method);
-    ASSERT_TRUE(run(file));
-    for (std::size_t size = 0; size < file.size(); ++size) EXPECT_FALSE(run(file.substr(0, size))) << size;
+    ASSERT_TRUE(load(file));
+    for (std::size_t size = 0; size < file.size(); ++size) EXPECT_FALSE(load(file.substr(0, size))) << size;
     for (std::size_t at = 0; at < file.size(); ++at) {
       for (const int flip : {1, 0x80, 0xff}) {
         std::string changed = file;
         changed[at] = static_cast<char>(changed[at] ^ flip);
-        const auto map = run(changed);
+        const auto map = load(changed);
         EXPECT_TRUE(map || !map.error().message.empty());
       }
     }
@@ -194,7 +194,7 @@ TEST(TorchCheckpoint, EveryTruncationAndEveryFlippedByteIsHandled) {
 }
 
 TEST(TorchCheckpoint, GoldenCheckpoint) {
-  const auto map = run(read(data_dir() / "golden/checkpoint_00_state_dict.pt"));
+  const auto map = load(bytes_of(data_dir() / "golden/checkpoint_00_state_dict.pt"));
   ASSERT_TRUE(map) << map.error().message;
   EXPECT_EQ(map->tensors.size(), 1269u);
   std::size_t elements = 0;
@@ -211,8 +211,8 @@ TEST(TorchCheckpoint, GoldenCheckpoint) {
 TEST(TorchCheckpoint, GoldenCheckpointEqualsItsSafetensors) {
   const std::filesystem::path path = source_dir() / "../shared/golden/weights_00.safetensors";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not here";
-  const auto checkpoint = run(read(data_dir() / "golden/checkpoint_00_state_dict.pt"));
-  const std::string file = read(path);
+  const auto checkpoint = load(bytes_of(data_dir() / "golden/checkpoint_00_state_dict.pt"));
+  const std::string file = bytes_of(path);
   const auto weights = parse_safetensors(std::as_bytes(std::span(file.data(), file.size())), "weights_00");
   ASSERT_TRUE(checkpoint && weights);
   ASSERT_EQ(checkpoint->tensors.size(), weights->tensors.size());
