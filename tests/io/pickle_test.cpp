@@ -57,13 +57,13 @@ TEST(Pickle, Numbers) {
 TEST(Pickle, Text) {
   const std::string narrow = proto + bytes({0x8c, 2}) + "Δ.";
   EXPECT_EQ(*unpickle(narrow)->get<std::string_view>(0), "Δ");
-  const std::string wide_text = proto + bytes({0x8d}) + little(3, 8) + "abc.";
+  const std::string wide_text = proto + bytes({0x8d}) + count_bytes(3, 8) + "abc.";
   EXPECT_EQ(*unpickle(wide_text)->get<std::string_view>(0), "abc");
 }
 
 TEST(Pickle, Containers) {
-  const std::string pickle = proto + "}(" + text("list") + "]q\x07(K\x01K\x02" + "e" + "K\x03" + "a" +
-                             text("tuples") + "K\x01\x85K\x02\x86)N\x87" + "uK\x05h\x07s.";
+  const std::string pickle = proto + "}(" + unicode("list") + "]q\x07(K\x01K\x02" + "e" + "K\x03" + "a" +
+                             unicode("tuples") + "K\x01\x85K\x02\x86)N\x87" + "uK\x05h\x07s.";
   const auto document = unpickle(pickle);
   ASSERT_TRUE(document) << document.error().message;
   const auto* dict = document->get<Dict>(document->root);
@@ -78,8 +78,8 @@ TEST(Pickle, Containers) {
 }
 
 TEST(Pickle, StackGlobalAndMemoizeAndFrame) {
-  const std::string pickle = bytes({0x80, 4, 0x95}) + little(3, 8) + text("collections") + "\x94" +
-                             text("OrderedDict") + "\x94\x93\x94)R\x94h\x02)R\x86.";
+  const std::string pickle = bytes({0x80, 4, 0x95}) + count_bytes(3, 8) + unicode("collections") + "\x94" +
+                             unicode("OrderedDict") + "\x94\x93\x94)R\x94h\x02)R\x86.";
   const auto document = unpickle(pickle);
   ASSERT_TRUE(document) << document.error().message;
   const auto items = document->items(*document->get<Tuple>(document->root));
@@ -89,7 +89,7 @@ TEST(Pickle, StackGlobalAndMemoizeAndFrame) {
 }
 
 TEST(Pickle, VersionsOfAStateDictAreDropped) {
-  EXPECT_TRUE(root<Dict>(ordered_dict + "}" + text("_metadata") + "}sb").ordered);
+  EXPECT_TRUE(root<Dict>(ordered_dict + "}" + unicode("_metadata") + "}sb").ordered);
 }
 
 TEST(Pickle, Tensors) {
@@ -129,7 +129,7 @@ void expect_refused(const std::string& pickle, const std::string& message) {
 }
 
 TEST(Pickle, CodeIsRefusedByName) {
-  const std::string command = text("touch /tmp/x");
+  const std::string command = unicode("touch /tmp/x");
   const Refused table[] = {
       {global("os", "system") + tuple({command}) + "R", R"(byte 2: refuses global "os.system")"},
       {global("posix", "system"), R"(refuses global "posix.system")"},
@@ -141,7 +141,7 @@ TEST(Pickle, CodeIsRefusedByName) {
       {global("torch.", "FloatStorage"), R"(refuses global "torch..FloatStorage")"},
       {global("", ""), R"(refuses global ".")"},
       {global("o\rs", "sys\tem\x1b[1m"), R"(refuses global "o\x0ds.sys\x09em\x1b[1m")"},
-      {text("os") + text("system") + "\x93", R"(byte 20: refuses global "os.system")"},
+      {unicode("os") + unicode("system") + "\x93", R"(byte 20: refuses global "os.system")"},
       {"(ios\nsystem\n", "byte 3: refuses opcode 0x69 (INST)"},
       {std::string("(") + global("collections", "OrderedDict") + "o", "refuses opcode 0x6f (OBJ)"},
       {global("collections", "OrderedDict") + ")\x81", "byte 28: refuses opcode 0x81 (NEWOBJ)"},
@@ -157,7 +157,7 @@ TEST(Pickle, CodeIsRefusedByName) {
        "a",
        "refuses opcode 0x43 (SHORT_BINBYTES)"},
       {"\x8f", "refuses opcode 0x8f (EMPTY_SET)"},
-      {std::string("\x96") + little(1ull << 62, 8), "refuses opcode 0x96 (BYTEARRAY8)"},
+      {std::string("\x96") + count_bytes(1ull << 62, 8), "refuses opcode 0x96 (BYTEARRAY8)"},
       {"N2", "refuses opcode 0x32 (DUP)"},
       {"N0", "refuses opcode 0x30 (POP)"},
       {"\x07", "refuses opcode 0x07"},
@@ -168,7 +168,7 @@ TEST(Pickle, CodeIsRefusedByName) {
       {storage("FloatStorage", "0", 1) + "}b", "(BUILD) of a storage from a dict"},
       {global("torch", "FloatStorage") + ")R", "refuses to call the class of a storage"},
       {"K\x01)R", "refuses to call an integer"},
-      {text("os.system") + ")R", "refuses to call text"},
+      {unicode("os.system") + ")R", "refuses to call text"},
       {ordered_dict + ")R", "refuses to call a dict"},
       {global("collections", "OrderedDict") + "]R", "the arguments of a call are not a tuple"},
       {global("collections", "OrderedDict") + "]\x85R", "OrderedDict has 1 arguments, not 0"},
@@ -177,23 +177,23 @@ TEST(Pickle, CodeIsRefusedByName) {
 }
 
 TEST(Pickle, Limits) {
-  const std::string huge = little(1ull << 63, 8);
+  const std::string huge = count_bytes(1ull << 63, 8);
   const Refused table[] = {
       {"\x8d" + huge, "opcode 0x8d (BINUNICODE8) needs 9223372036854775808 bytes, 1 are left"},
       {"X\xff\xff\xff\xff", "needs 4294967295 bytes, 1 are left"},
       {"\x95" + huge, "opcode 0x95 (FRAME) needs 9223372036854775808 bytes, 1 are left"},
       {bytes({0x8a, 9, 1, 1, 1, 1, 1, 1, 1, 1, 1}), "integer of 9 bytes, limit 8"},
-      {std::string("Nr") + little(1u << 31, 4), "memo entry 2147483648, limit 9"},
-      {std::string("Nr") + little(9, 4), "memo entry 9, limit 9"},
-      {std::string("j") + little(1u << 31, 4), "memo entry 2147483648 was never set"},
+      {std::string("Nr") + count_bytes(1u << 31, 4), "memo entry 2147483648, limit 9"},
+      {std::string("Nr") + count_bytes(9, 4), "memo entry 9, limit 9"},
+      {std::string("j") + count_bytes(1u << 31, 4), "memo entry 2147483648 was never set"},
       {"h\x01", "memo entry 1 was never set"},
       {std::string("Nq\x01h") + bytes({0}), "memo entry 0 was never set"},
       {"q\x01", "opcode 0x71 (BINPUT) needs 1 values, the stack has 0"},
       {std::string(1001, '('), "byte 1002: more than 1000 marks"},
       {std::string((1 << 20) + 1, 'N'), "more than 1048576 values on the stack"},
-      {text("\xc0\x80"), "text is not valid UTF-8"},
-      {text("\xed\xa0\x80"), "text is not valid UTF-8"},
-      {text("\xf4\x90\x80\x80"), "text is not valid UTF-8"},
+      {unicode("\xc0\x80"), "text is not valid UTF-8"},
+      {unicode("\xed\xa0\x80"), "text is not valid UTF-8"},
+      {unicode("\xf4\x90\x80\x80"), "text is not valid UTF-8"},
       {"", "byte 2: STOP with 0 values and 0 marks"},
       {"NN", "STOP with 2 values and 0 marks"},
       {"N(", "STOP with 1 values and 1 marks"},
@@ -257,9 +257,11 @@ TEST(Pickle, StoragesAndTensorsAreChecked) {
       {"NQ", "a persistent id is not a tuple of 5 values"},
       {")Q", "a persistent id is not a tuple of 5 values"},
       {"(NNNNNtQ", R"(a persistent id is not ("storage", class, key, device, size))"},
-      {tuple({text("module"), global("torch", "FloatStorage"), text("0"), text("cpu"), integer(1)}) + "Q",
+      {tuple({unicode("module"), global("torch", "FloatStorage"), unicode("0"), unicode("cpu"), integer(1)}) +
+           "Q",
        "a persistent id is not"},
-      {tuple({text("storage"), global("collections", "OrderedDict"), text("0"), text("cpu"), integer(1)}) +
+      {tuple({unicode("storage"), global("collections", "OrderedDict"), unicode("0"), unicode("cpu"),
+              integer(1)}) +
            "Q",
        "a persistent id is not"},
       {storage("FloatStorage", "0", -1), "a storage of -1 elements"},
@@ -283,7 +285,8 @@ TEST(Pickle, StoragesAndTensorsAreChecked) {
       {tensor(ten, 0, {4}, {int64_max}), "overflows 64 bits"},
       {tensor(ten, int64_max, {1}, {1}), "a tensor reaches element 9223372036854775807"},
       {rebuild +
-           tuple({ten, integer(0), std::string("(") + text("3") + "t", integers({1}), "\x89", ordered_dict}) +
+           tuple({ten, integer(0), std::string("(") + unicode("3") + "t", integers({1}), "\x89",
+                  ordered_dict}) +
            "R",
        "extents and strides are integers"},
       {global("torch._utils", "_rebuild_parameter") + tuple({ten, "\x89", ordered_dict}) + "R",
@@ -325,10 +328,10 @@ TEST(Pickle, AMillionLevelsDeep) {
 }
 
 TEST(Pickle, EveryTruncationIsAnError) {
-  const std::string pickle = proto + ordered_dict + "(" + text("w") +
+  const std::string pickle = proto + ordered_dict + "(" + unicode("w") +
                              parameter(tensor(storage("FloatStorage", "0", 6), 0, {2, 3}, {3, 1})) +
-                             text("epoch") + bytes({'G', 0, 0, 0, 0, 0, 0, 0, 0}) + "u}" + text("_metadata") +
-                             "}sb.";
+                             unicode("epoch") + bytes({'G', 0, 0, 0, 0, 0, 0, 0, 0}) + "u}" +
+                             unicode("_metadata") + "}sb.";
   ASSERT_TRUE(unpickle(pickle));
   for (std::size_t size = 0; size < pickle.size(); ++size)
     EXPECT_FALSE(unpickle(pickle.substr(0, size))) << size;

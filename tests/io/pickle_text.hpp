@@ -12,7 +12,8 @@
 
 namespace bitr::test {
 
-inline std::string little(std::uint64_t value, int width) {
+/// A count of `width` bytes, little-endian.
+inline std::string count_bytes(std::uint64_t value, int width) {
   std::string bytes;
   for (int i = 0; i < width; ++i) bytes += static_cast<char>(value >> 8 * i);
   return bytes;
@@ -20,16 +21,16 @@ inline std::string little(std::uint64_t value, int width) {
 
 inline const std::string proto("\x80\x02", 2);
 
-inline std::string text(std::string_view value) {
-  return std::string("X").append(little(value.size(), 4)).append(value);
+inline std::string unicode(std::string_view value) {
+  return std::string("X").append(count_bytes(value.size(), 4)).append(value);
 }
 
 inline std::string integer(std::int32_t value) {
-  return std::string("J").append(little(static_cast<std::uint32_t>(value), 4));
+  return std::string("J").append(count_bytes(static_cast<std::uint32_t>(value), 4));
 }
 
 inline std::string wide(std::int64_t value) {
-  return std::string("\x8a\x08", 2) + little(static_cast<std::uint64_t>(value), 8);
+  return std::string("\x8a\x08", 2) + count_bytes(static_cast<std::uint64_t>(value), 8);
 }
 
 inline std::string global(std::string_view module, std::string_view member) {
@@ -51,7 +52,7 @@ inline std::string integers(std::initializer_list<std::int64_t> values) {
 inline const std::string ordered_dict = global("collections", "OrderedDict") + ")R";
 
 inline std::string storage(std::string_view type, std::string_view key, std::int64_t size) {
-  return tuple({text("storage"), global("torch", type), text(key), text("cpu"), wide(size)}) + "Q";
+  return tuple({unicode("storage"), global("torch", type), unicode(key), unicode("cpu"), wide(size)}) + "Q";
 }
 
 inline std::string tensor(const std::string& source, std::int64_t offset,

@@ -60,13 +60,13 @@ std::string archive(const std::string& body, zip_int32_t method = ZIP_CM_STORE) 
 
 TEST(TorchCheckpoint, StateDictWithViewsAndTiedTensors) {
   for (const zip_int32_t method : {ZIP_CM_STORE, ZIP_CM_DEFLATE}) {
-    const auto map = load(archive(dict({text("w"), tensor(six, 0, {2, 3}, {3, 1}),               //
-                                        text("transposed"), tensor(six, 0, {3, 2}, {1, 3}),      //
-                                        text("parameter"), parameter(tensor(six, 4, {2}, {1})),  //
-                                        text("every other"), tensor(six, 1, {3}, {2}),           //
-                                        text("scalar"), tensor(six, 5, {}, {}),                  //
-                                        text("expanded"), tensor(six, 2, {1, 2, 2}, {9, 0, 3}),  //
-                                        text("empty"), tensor(six, 0, {0, 4}, {4, 1})}),
+    const auto map = load(archive(dict({unicode("w"), tensor(six, 0, {2, 3}, {3, 1}),               //
+                                        unicode("transposed"), tensor(six, 0, {3, 2}, {1, 3}),      //
+                                        unicode("parameter"), parameter(tensor(six, 4, {2}, {1})),  //
+                                        unicode("every other"), tensor(six, 1, {3}, {2}),           //
+                                        unicode("scalar"), tensor(six, 5, {}, {}),                  //
+                                        unicode("expanded"), tensor(six, 2, {1, 2, 2}, {9, 0, 3}),  //
+                                        unicode("empty"), tensor(six, 0, {0, 4}, {4, 1})}),
                                   method));
     ASSERT_TRUE(map) << map.error().message;
     ASSERT_EQ(map->tensors.size(), 7u);
@@ -85,22 +85,23 @@ TEST(TorchCheckpoint, StateDictWithViewsAndTiedTensors) {
 
 TEST(TorchCheckpoint, TrainingCheckpoint) {
   const std::string w = tensor(six, 0, {6}, {1});
-  const std::string group = dict({text("lr"), std::string("G\x3f\x50\0\0\0\0\0\0", 9),  //
-                                  text("betas"), std::string("G") + std::string(8, '\0') + "K\x01\x86",
-                                  text("amsgrad"), "\x89", text("foreach"), "N", text("params"),
+  const std::string group = dict({unicode("lr"), std::string("G\x3f\x50\0\0\0\0\0\0", 9),  //
+                                  unicode("betas"), std::string("G") + std::string(8, '\0') + "K\x01\x86",
+                                  unicode("amsgrad"), "\x89", unicode("foreach"), "N", unicode("params"),
                                   std::string("](K\0K\x01"
                                               "e",
                                               7)});
-  const std::string optimizer =
-      dict({text("state"), dict({std::string("K\0", 2), dict({text("step"), w, text("exp_avg"), w})}),
-            text("param_groups"), "](" + group + "e"});
-  const auto map = load(archive(dict({text("epoch"), "K\x07", text("model_state_dict"), dict({text("w"), w}),
-                                      text("optimizer_state_dict"), optimizer})));
+  const std::string optimizer = dict(
+      {unicode("state"), dict({std::string("K\0", 2), dict({unicode("step"), w, unicode("exp_avg"), w})}),
+       unicode("param_groups"), "](" + group + "e"});
+  const auto map = load(archive(dict({unicode("epoch"), "K\x07", unicode("model_state_dict"),
+                                      dict({unicode("w"), w}), unicode("optimizer_state_dict"), optimizer})));
   ASSERT_TRUE(map) << map.error().message;
   ASSERT_EQ(map->tensors.size(), 1u);
   EXPECT_THAT(map->tensors.at("w").to_double(), ElementsAre(0, 1, 2, 3, 4, 5));
 
-  const auto other = load(archive(dict({text("state_dict"), ordered_dict + "(" + text("v") + w + "u"})));
+  const auto other =
+      load(archive(dict({unicode("state_dict"), ordered_dict + "(" + unicode("v") + w + "u"})));
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_TRUE(other->tensors.contains("v"));
 }
@@ -112,10 +113,10 @@ struct MalformedArchive {
 
 TEST(TorchCheckpoint, Malformed) {
   const std::string w = tensor(six, 0, {6}, {1});
-  const std::string good = proto + dict({text("w"), w}) + ".";
+  const std::string good = proto + dict({unicode("w"), w}) + ".";
   const std::string legacy("\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.", 15);
   std::string tied = "}(";
-  for (int i = 0; i < 5000; ++i) tied += text(std::to_string(i)) + "h\x01";
+  for (int i = 0; i < 5000; ++i) tied += unicode(std::to_string(i)) + "h\x01";
   const std::string zeros = storage("FloatStorage", "0", 1 << 16);
   const MalformedArchive table[] = {
       {"", "no data.pkl"},
@@ -131,7 +132,7 @@ TEST(TorchCheckpoint, Malformed) {
       {zip_of({{"a/data.pkl", good}}), R"(tensor "w": entry "a/data/0" is missing)"},
       {zip_of({{"a/data.pkl", good}, {"a/data/0", "123"}}),
        R"(tensor "w": storage "0" has 3 bytes, its class and length need 24)"},
-      {zip_of({{"a/data.pkl", proto + dict({text("w"), tensor(zeros, 0, {1}, {1})}) + ".", ZIP_CM_DEFLATE},
+      {zip_of({{"a/data.pkl", proto + dict({unicode("w"), tensor(zeros, 0, {1}, {1})}) + ".", ZIP_CM_DEFLATE},
                {"a/data/0", std::string(1 << 24, '\0'), ZIP_CM_DEFLATE}}),
        R"(tensor "w": entry "a/data/0" unpacks to 16777216 bytes, limit )"},
       {zip_of({{"a/data.pkl", good}, {"a/data/0", counting(6), ZIP_CM_BZIP2}}),
@@ -139,24 +140,24 @@ TEST(TorchCheckpoint, Malformed) {
       {zip_of({{"a/data.pkl", proto + "N" + tensor(zeros, 0, {1 << 16}, {1}) + "q\x01\x86" + tied + "u\x86."},
                {"a/data/0", std::string(1 << 18, '\0')}}),
        "holds a tuple, not a state dict"},
-      {zip_of({{"a/data.pkl", proto + "}(" + text("w") + tensor(zeros, 0, {1 << 16}, {1}) + "q\x01" +
+      {zip_of({{"a/data.pkl", proto + "}(" + unicode("w") + tensor(zeros, 0, {1 << 16}, {1}) + "q\x01" +
                                   tied.substr(2) + "u."},
                {"a/data/0", std::string(1 << 18, '\0')}}),
        "the tensors pass "},
       {archive("N"), "holds None, not a state dict"},
       {archive(w), "holds a tensor, not a state dict"},
-      {archive(dict({text("model_state_dict"), "N"})), R"(entry "model_state_dict" is None, not a dict)"},
-      {archive(dict({text("epoch"), "K\x01"})), R"(entry "epoch" is an integer, not a tensor)"},
+      {archive(dict({unicode("model_state_dict"), "N"})), R"(entry "model_state_dict" is None, not a dict)"},
+      {archive(dict({unicode("epoch"), "K\x01"})), R"(entry "epoch" is an integer, not a tensor)"},
       {archive(dict({"K\x01", w})), "a tensor's name is an integer, not text"},
-      {archive(dict({text("w"), w, text("w"), w})), R"(tensor "w" appears twice)"},
-      {archive(dict({text("__metadata__"), w})), "this name is reserved"},
-      {archive(dict({text("w"), tensor(storage("DoubleStorage", "0", 6), 0, {6}, {1})})),
+      {archive(dict({unicode("w"), w, unicode("w"), w})), R"(tensor "w" appears twice)"},
+      {archive(dict({unicode("__metadata__"), w})), "this name is reserved"},
+      {archive(dict({unicode("w"), tensor(storage("DoubleStorage", "0", 6), 0, {6}, {1})})),
        "has 24 bytes, its class"},
-      {archive(dict({text("w"), tensor(storage("DoubleStorage", "0", 1ll << 61), 0, {6}, {1})})),
+      {archive(dict({unicode("w"), tensor(storage("DoubleStorage", "0", 1ll << 61), 0, {6}, {1})})),
        "a storage of 2305843009213693952 elements"},
-      {archive(dict({text("w"), tensor(storage("FloatStorage", std::string(256, '0'), 6), 0, {6}, {1})})),
+      {archive(dict({unicode("w"), tensor(storage("FloatStorage", std::string(256, '0'), 6), 0, {6}, {1})})),
        "a storage's key has 256 bytes, limit 255"},
-      {archive(global("os", "system") + tuple({text("id")}) + "R"),
+      {archive(global("os", "system") + tuple({unicode("id")}) + "R"),
        R"(c.pt: data.pkl: byte 2: refuses global "os.system")"},
   };
   for (const MalformedArchive& malformed : table) {
@@ -168,7 +169,7 @@ TEST(TorchCheckpoint, Malformed) {
 }
 
 TEST(TorchCheckpoint, DamageIsFound) {
-  std::string file = archive(dict({text("w"), tensor(six, 0, {6}, {1})}));
+  std::string file = archive(dict({unicode("w"), tensor(six, 0, {6}, {1})}));
   const std::size_t at = file.find(counting(6));
   ASSERT_NE(at, std::string::npos);
   file[at + 5] ^= 1;
@@ -179,7 +180,7 @@ TEST(TorchCheckpoint, DamageIsFound) {
 
 TEST(TorchCheckpoint, EveryTruncationAndEveryFlippedByteIsHandled) {
   for (const zip_int32_t method : {ZIP_CM_STORE, ZIP_CM_DEFLATE}) {
-    const std::string file = archive(dict({text("w"), tensor(six, 0, {6}, {1})}), method);
+    const std::string file = archive(dict({unicode("w"), tensor(six, 0, {6}, {1})}), method);
     ASSERT_TRUE(load(file));
     for (std::size_t size = 0; size < file.size(); ++size) EXPECT_FALSE(load(file.substr(0, size))) << size;
     for (std::size_t at = 0; at < file.size(); ++at) {
