@@ -125,14 +125,14 @@ TEST_F(ManyPairs, EveryPairHasItsShare) {
   expect_near(together[2].values, sum);
 }
 
-TEST(SumsAtOnce, AreOnePerThreadWithinTheMemoryForThem) {
+TEST(SumsAtOnce, AreAFewPerThreadWithinTheMemoryForThem) {
   constexpr std::size_t megabyte = std::size_t{1} << 20;
-  EXPECT_EQ(cpu::sums_at_once(16, 2, megabyte), 2u);
-  EXPECT_EQ(cpu::sums_at_once(16, 12, megabyte), 12u);
+  EXPECT_EQ(cpu::sums_at_once(16, 2, megabyte), 8u);
+  EXPECT_EQ(cpu::sums_at_once(100, 12, megabyte), 48u);
   EXPECT_EQ(cpu::sums_at_once(3, 12, megabyte), 3u);
   EXPECT_EQ(cpu::sums_at_once(1000, 1000, 4 * megabyte), cpu::most_sum_bytes / (4 * megabyte));
   EXPECT_EQ(cpu::sums_at_once(16, 8, cpu::most_sum_bytes + 1), 1u);
-  EXPECT_EQ(cpu::sums_at_once(16, 8, 0), 8u);
+  EXPECT_EQ(cpu::sums_at_once(100, 8, 0), 32u);
   EXPECT_EQ(cpu::sums_at_once(0, 8, megabyte), 0u);
 }
 
