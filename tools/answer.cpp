@@ -8,6 +8,7 @@
 #include "core/centroid.hpp"
 #include "core/thread_pool.hpp"
 #include "options.hpp"
+#include "pose_file.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -73,6 +74,42 @@ Result<void> judge(const Device& device, std::span<const CloudPair> clouds,
 int answers_of(const AnswerChoice& choice) {
   const bool usual = choice.judge_unless_told || choice.confidence || choice.strict;
   return choice.answers.value_or(usual ? usual_answers : 0);
+}
+
+// What a network's confidence is about, see Confidence::value.
+constexpr double network_degrees = 20, network_share = 0.1;
+
+Json within_json(double degrees, double share) {
+  return {{"rotation_degrees", degrees}, {"translation_share", share}};
+}
+
+Json evidence_json(const Evidence& e) {
+  return {{"score", e.score},
+          {"overlap", e.overlap},
+          {"rims", optional_json(e.rims)},
+          {"interpenetration", e.interpenetration},
+          {"rotation_gap", optional_json(e.rotation_gap)},
+          {"rotation_spread", optional_json(e.rotation_spread)},
+          {"translation_spread", optional_json(e.translation_spread)},
+          {"refined_by", optional_json(e.refined_by)}};
+}
+
+Json evidence_json(const SolveEvidence& e) {
+  return {{"score", e.score},
+          {"overlap", {{"source", e.source_overlap}, {"reference", e.reference_overlap}}},
+          {"residual", e.residual},
+          {"normals", e.normals},
+          {"conflict", e.conflict},
+          {"slack", e.slack},
+          {"margin", e.margin},
+          {"support", e.support}};
+}
+
+Json judged_json(const SolvedPose& pose) {
+  return {{"confidence", pose.confidence},
+          {"within", within_json(pose.within_degrees, pose.within_share)},
+          {"evidence", evidence_json(pose.evidence)},
+          {"proposal", pose.proposal}};
 }
 
 std::string value_text(double value) { return Json(std::round(value * 1e4) / 1e4).dump(); }
@@ -195,6 +232,34 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
   return answers;
 }
 
+Result<std::vector<Answer>> solve_pairs(const Device& device, std::span<const InputPair> pairs,
+                                        const AnswerOptions& options) {
+  std::vector<CloudPair> clouds;
+  for (const InputPair& pair : pairs) clouds.push_back({pair.source.cloud, pair.reference.cloud});
+  auto solutions = solve(device, clouds, {.answers = options.answers, .restriction = options.restriction});
+  if (!solutions) return tl::unexpected(solutions.error());
+  std::vector<Answer> answers;
+  for (Solution& solution : *solutions) {
+    Answer answer;
+    const SolvedPose& best = solution.best;
+    answer.assembly.T_reference_source = best.T_reference_source;
+    answer.assembly.diagnostics.overlap = best.evidence.source_overlap;
+    answer.restricted = solution.restricted;
+    answer.confidence = Confidence{best.confidence, solution.reasons, {}};
+    if (!(best.confidence > 0)) {
+      answer.assembly.status = Status::degenerate;
+      answer.assembly.diagnostics.degenerate = true;
+      if (!solution.reasons.empty()) answer.assembly.diagnostics.reason = solution.reasons.front();
+    }
+    answer.solution = std::move(solution);
+    answers.push_back(std::move(answer));
+  }
+  if (options.refine)
+    if (const auto refined = refine(device, pairs, options, answers); !refined)
+      return tl::unexpected(refined.error());
+  return answers;
+}
+
 std::string refusal(const Answer& answer, const AnswerChoice& choice) {
   if (!choice.strict) return {};
   if (answer.assembly.status != Status::ok)
@@ -207,24 +272,51 @@ std::string refusal(const Answer& answer, const AnswerChoice& choice) {
 }
 
 void print(const Confidence& confidence, std::FILE* out) {
-  std::fprintf(out, "confidence  %.2f that the pose is within 20° and a tenth of the size\n",
-               confidence.value);
+  std::fprintf(out, "confidence  %.2f that the pose is within %g° and %g %% of the size\n", confidence.value,
+               network_degrees, 100 * network_share);
   for (const std::string& reason : confidence.reasons) std::fprintf(out, "            %s\n", reason.c_str());
 }
 
-Json to_json(const Confidence& confidence) {
-  const Evidence& e = confidence.evidence;
-  return {{"value", confidence.value},
-          {"reasons", confidence.reasons},
-          {"evidence",
-           {{"score", e.score},
-            {"overlap", e.overlap},
-            {"rims", optional_json(e.rims)},
-            {"interpenetration", e.interpenetration},
-            {"rotation_gap", optional_json(e.rotation_gap)},
-            {"rotation_spread", optional_json(e.rotation_spread)},
-            {"translation_spread", optional_json(e.translation_spread)},
-            {"refined_by", optional_json(e.refined_by)}}}};
+void print(const Solution& solution, std::FILE* out) {
+  const SolvedPose& best = solution.best;
+  std::fprintf(out, "overlap     %ld %% of the source, %ld %% of the reference, at a resolution of %.3g\n",
+               std::lround(100 * best.evidence.source_overlap),
+               std::lround(100 * best.evidence.reference_overlap), solution.resolution);
+  if (solution.source_dropped + solution.reference_dropped > 0)
+    std::fprintf(out, "dropped     %zu points of the source, %zu of the reference: not finite\n",
+                 solution.source_dropped, solution.reference_dropped);
+  if (!best.proposal.empty()) std::fprintf(out, "proposed    by %s\n", best.proposal.c_str());
+  std::fprintf(out, "confidence  %.2f that the pose is within %g° and %g %% of the size\n", best.confidence,
+               best.within_degrees, 100 * best.within_share);
+  for (const std::string& reason : solution.reasons) std::fprintf(out, "            %s\n", reason.c_str());
+  for (const SolvedPose& other : solution.alternatives)
+    if (other.confidence >= 0.01)
+      std::fprintf(out, "another     %.2f, turned by %.0f° against it\n", other.confidence,
+                   rotation_error_degrees(other.T_reference_source, best.T_reference_source));
+}
+
+Json judgement_json(const Answer& answer) {
+  if (answer.solution) {
+    const Solution& solution = *answer.solution;
+    Json json = judged_json(solution.best);
+    json["reasons"] = solution.reasons;
+    json["alternatives"] = Json::array();
+    for (const SolvedPose& other : solution.alternatives) {
+      Json alternative = pose_json(other.T_reference_source);
+      alternative.update(judged_json(other));
+      json["alternatives"].push_back(std::move(alternative));
+    }
+    json["spacing"] = {{"source", solution.source_spacing}, {"reference", solution.reference_spacing}};
+    json["resolution"] = solution.resolution;
+    json["dropped"] = {{"source", solution.source_dropped}, {"reference", solution.reference_dropped}};
+    return json;
+  }
+  if (!answer.confidence) return {{"confidence", nullptr}};
+  return {{"confidence", answer.confidence->value},
+          {"within", within_json(network_degrees, network_share)},
+          {"evidence", evidence_json(answer.confidence->evidence)},
+          {"reasons", answer.confidence->reasons},
+          {"alternatives", Json::array()}};
 }
 
 }  // namespace bitr::tool

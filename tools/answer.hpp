@@ -1,10 +1,11 @@
-// From clouds to an answer that can be acted on: the mean of the network's poses, restricted, refined and
-// judged as asked.
+// From clouds to an answer that can be acted on: what solve() finds, or the mean of one network's poses; restricted,
+// refined and judged as asked.
 #pragma once
 
 #include <bitr/assemble.hpp>
 #include <bitr/confidence.hpp>
 #include <bitr/refine.hpp>
+#include <bitr/solve.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -58,6 +59,7 @@ struct Answer {
   std::optional<Restricted> restricted = {};
   std::optional<Refinement> refinement = {};
   std::optional<Confidence> confidence = {};  ///< 0 where the pose is not determined
+  std::optional<Solution> solution = {};      ///< what solve() said, if it was asked
 };
 
 struct InputPair {
@@ -65,16 +67,23 @@ struct InputPair {
   CloudPair used() const { return {source.used, reference.used}; }
 };
 
-/// The network sees the points chosen for it, refinement all of them. Errors as of assemble(), refine_poses()
-/// and judge_poses().
+/// One network's: it sees the points chosen for it, refinement all of them. Errors as of assemble(), refine_poses() and
+/// judge_poses().
 Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
                                    const AnswerOptions& options);
+
+/// By solve(), on all points. Errors as of solve() and refine_poses().
+Result<std::vector<Answer>> solve_pairs(const Device& device, std::span<const InputPair> pairs,
+                                        const AnswerOptions& options);
 
 /// Why --strict refuses the answer; empty when it does not.
 std::string refusal(const Answer& answer, const AnswerChoice& choice);
 
 /// Lines of the report.
 void print(const Confidence& confidence, std::FILE* out);
-Json to_json(const Confidence& confidence);
+void print(const Solution& solution, std::FILE* out);
+/// `confidence` and what it is about, `reasons`, `evidence`, `proposal` and `alternatives`, and of a solution the lengths
+/// it worked with.
+Json judgement_json(const Answer& answer);
 
 }  // namespace bitr::tool

@@ -16,7 +16,6 @@
 #include "options.hpp"
 #include "output.hpp"
 #include "pose_file.hpp"
-#include "solve_run.hpp"
 #include "stopwatch.hpp"
 
 namespace bitr::tool {
@@ -24,25 +23,12 @@ namespace {
 
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
-  bool verify = false, solve = false;
+  bool verify = false;
   ModelChoice model;
   CloudOptions clouds;
   AnswerChoice answer;
   RunOptions run;
 };
-
-// The default model cannot read clouds without normals.
-Result<Model> choose_model(Options& options, const CloudInput& source, const CloudInput& reference) {
-  auto model = tool::choose_model(options.model);
-  if (!model || !options.model.model.empty() || options.model.complete_match) return model;
-  const bool normals = !source.cloud.normals.empty() && !reference.cloud.normals.empty();
-  if (normals || !model->config().return_normals) return model;
-  warn("the default model reads normals, and " + (source.cloud.normals.empty() ? source : reference).path +
-       " has none: falling back to complete matching with untrained weights, which is exact when the "
-       "reference is a moved copy of the source and has no answer otherwise");
-  options.model.complete_match = true;
-  return tool::choose_model(options.model);
-}
 
 void warn_of_few_points(const CloudInput& input, const Model& model) {
   if (!too_few_points(input, model)) return;
@@ -73,18 +59,42 @@ std::string view_report(const AssemblyReport& report) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+std::string named_pose(const SolvedPose& pose) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f, ", pose.confidence);
+  return text + pose.proposal;
+}
+
+ViewOptions view_options(const CloudInput& source, const CloudInput& reference,
+                         const AssemblyReport& report) {
+  ViewOptions options{.source_name = std::filesystem::path(source.path).filename(),
+                      .reference_name = std::filesystem::path(reference.path).filename(),
+                      .report = view_report(report)};
+  const auto& solution = report.answer.solution;
+  if (!solution || solution->alternatives.empty()) return options;
+  options.names.push_back(named_pose(solution->best));
+  for (const SolvedPose& other : solution->alternatives) {
+    options.alternatives.push_back(other.T_reference_source);
+    options.names.push_back(named_pose(other));
+  }
+  return options;
+}
+
+std::optional<double> confidence_of(const Answer& answer) {
+  return answer.confidence ? std::optional(answer.confidence->value) : std::nullopt;
+}
+
 Result<void> write_outputs(const Options& options, const CloudInput& source, const CloudInput& reference,
                            const AssemblyReport& report) {
   const Assembly& assembly = report.answer.assembly;
   const auto cloud = [&](const std::string& path) {
     return io::ply_file(path, joined_cloud(source.cloud, reference.cloud, assembly.T_reference_source));
   };
-  const auto image = [&](const std::string&) { return picture_of(source.cloud, reference.cloud, assembly); };
+  const auto image = [&](const std::string&) {
+    return picture_of(source.cloud, reference.cloud, assembly, confidence_of(report.answer));
+  };
   const auto view = [&](const std::string&) {
-    return render_view(source.cloud, reference.cloud, assembly,
-                       {.source_name = std::filesystem::path(source.path).filename(),
-                        .reference_name = std::filesystem::path(reference.path).filename(),
-                        .report = view_report(report)})
+    return render_view(source.cloud, reference.cloud, assembly, view_options(source, reference, report))
         .map(bytes_of);
   };
   const auto applied = [&](const std::string& path) {
@@ -95,32 +105,118 @@ Result<void> write_outputs(const Options& options, const CloudInput& source, con
                       pose_writer(options.pose, assembly.T_reference_source),
                       {options.image, image},
                       {options.view, view},
-                      profile_writer(options.run, report.plan),
+                      report.plan ? profile_writer(options.run, *report.plan) : FileWriter{},
                       json_writer(options.json, to_json(report))});
+}
+
+/// What only one network can be asked; without one there is nobody to answer.
+Result<void> check_network_options(const Options& options) {
+  if (names_network(options.model)) return {};
+  const std::pair<const char*, bool> asked[] = {{"--verify", options.verify},
+                                                {"--no-confidence", !options.answer.confidence}};
+  for (const auto& [option, given] : asked)
+    if (given) return needs_network(option);
+  return check_solvable(options.run);
+}
+
+/// The pair's clouds, and what is to be said and written of them.
+struct ReadPair {
+  CloudInput source, reference;
+  std::string which;  ///< as a prefix of messages
+  InputPair pair() const { return {source, reference}; }
+};
+
+Result<Answer> solve_job(const ReadPair& job, const Device& device, const AnswerOptions& how) {
+  show_progress("solving");
+  const InputPair pair = job.pair();
+  auto answers = solve_pairs(device, {&pair, 1}, how);
+  if (!answers) return tl::unexpected(answers.error());
+  return std::move(answers->front());
+}
+
+int finish(const Options& options, const ReadPair& job, const AssemblyReport& report) {
+  clear_progress();
+  // With JSON on standard output, text for people goes to standard error.
+  print(report, options.json == "-" ? stderr : stdout);
+  const Assembly& assembly = report.answer.assembly;
+  if (assembly.status == Status::failed)
+    return complain(run_failed, job.which + "a number is not finite; nothing was written");
+  if (!within_bounds(report))
+    return complain(run_failed,
+                    job.which + "the verification found a stage beyond its bound; nothing was written");
+  if (const std::string why = refusal(report.answer, options.answer); !why.empty())
+    return complain(run_failed, job.which + why + "; nothing was written");
+  if (assembly.status == Status::degenerate)
+    warn(job.which + "the pose is not determined: " + assembly.diagnostics.reason);
+  if (options.model.complete_match && !report.answer.restricted &&
+      assembly.diagnostics.overlap.value_or(1) < 0.9)
+    warn(job.which +
+         "the pose leaves much of the source off the reference, so this is no moved copy and complete "
+         "matching has no answer for it");
+  const auto written = write_outputs(options, job.source, job.reference, report);
+  return written ? done : complain(written.error());
+}
+
+int run_solve(const Options& options, const ReadPair& job, const AnswerOptions& how, AssemblyReport& report,
+              const Stopwatch& total) {
+  const auto device = open_device(options.run);
+  if (!device) return complain(device.error());
+  auto answer = solve_job(job, **device, how);
+  if (!answer) return complain(answer.error(), job.which);
+  device->save_cache();
+  report.answer = std::move(*answer);
+  report.device = &**device;
+  report.source_points = job.source.cloud.size();
+  report.reference_points = job.reference.cloud.size();
+  report.total_milliseconds = total.milliseconds();
+  return finish(options, job, report);
+}
+
+int run_network(const Options& options, ReadPair& job, AnswerOptions& how, AssemblyReport& report,
+                const Stopwatch& total) {
+  const auto model = choose_model(options.model);
+  if (!model) return complain(model.error());
+  how.complete_match = options.model.complete_match;
+  how.swap_residual = true;
+  for (CloudInput* input : {&job.source, &job.reference}) {
+    choose_points(*input, options.clouds, *model);
+    warn_of_few_points(*input, *model);
+  }
+  show_progress("assembling");
+  set_at_hand("source " + described(job.source) + ", reference " + described(job.reference));
+  const CloudPair pair = {job.source.used, job.reference.used};
+  const auto device = open_device(options.run);
+  if (!device) return complain(device.error());
+  auto plan = make_plan(**device, *model, shape_of({&pair, 1}), options.run.plan);
+  if (!plan) return complain(plan.error(), job.which);
+  const InputPair input = job.pair();
+  auto answers = answer(*plan, {&input, 1}, how);
+  if (!answers) return complain(answers.error(), job.which);
+  device->save_cache();
+  report.answer = std::move(answers->front());
+  report.plan = &*plan;
+  report.device = &**device;
+  report.complete_match = options.model.complete_match;
+  report.source_points = job.source.used.size();
+  report.reference_points = job.reference.used.size();
+  report.timings = plan->timings();
+  report.total_milliseconds = total.milliseconds();
+  if (options.verify) {
+    show_progress("verifying");
+    auto differences = verify(*plan, pair);
+    if (!differences) return complain(differences.error(), job.which);
+    report.verification = std::move(*differences);
+  }
+  return finish(options, job, report);
 }
 
 int run(Options& options) {
   if (const auto checked = check_own_outputs(options); !checked) return complain(checked.error());
+  if (const auto checked = check_network_options(options); !checked) return complain(checked.error());
   if (const auto checked = check_applied(options.source, options.applied); !checked)
     return complain(checked.error());
-  if (options.solve) {
-    SolveRun run{options.source,
-                 options.reference,
-                 options.output,
-                 options.applied,
-                 options.pose,
-                 options.image,
-                 options.json,
-                 options.truth,
-                 options.clouds,
-                 options.run.device,
-                 {}};
-    if (options.answer.strict) run.least_confidence = options.answer.least_confidence;
-    return run_solve(run);
-  }
   auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
-  how->swap_residual = true;
   const auto truth = read_optional_pose(options.truth);
   if (!truth) return complain(truth.error());
 
@@ -131,63 +227,12 @@ int run(Options& options) {
   if (!source) return complain(source.error());
   auto reference = read_input(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
-  const auto model = choose_model(options, *source, *reference);
-  if (!model) return complain(model.error());
-  how->complete_match = options.model.complete_match;
-  for (CloudInput* input : {&*source, &*reference}) {
-    choose_points(*input, options.clouds, *model);
-    warn_of_few_points(*input, *model);
-  }
-
-  show_progress("assembling");
-  const std::string which = at_hand();
-  set_at_hand("source " + described(*source) + ", reference " + described(*reference));
-  const CloudPair pair = {source->used, reference->used};
-  const auto device = open_device(options.run);
-  if (!device) return complain(device.error());
-  auto plan = make_plan(**device, *model, shape_of({&pair, 1}), options.run.plan);
-  if (!plan) return complain(plan.error(), which);
-  const InputPair input = {*source, *reference};
-  auto answers = answer(*plan, {&input, 1}, *how);
-  if (!answers) return complain(answers.error(), which);
-  device->save_cache();
-
-  AssemblyReport report{.answer = std::move(answers->front()),
-                        .plan = *plan,
-                        .complete_match = options.model.complete_match,
-                        .source_points = source->used.size(),
-                        .reference_points = reference->used.size(),
-                        .timings = plan->timings(),
-                        .truth = *truth,
-                        .refine_options = how->refine.value_or(RefineOptions())};
-  report.total_milliseconds = total.milliseconds();
-  if (options.verify) {
-    show_progress("verifying");
-    auto differences = verify(*plan, pair);
-    if (!differences) return complain(differences.error(), which);
-    report.verification = std::move(*differences);
-  }
-  clear_progress();
-
-  // With JSON on standard output, text for people goes to standard error.
-  print(report, options.json == "-" ? stderr : stdout);
-  const Assembly& assembly = report.answer.assembly;
-  if (assembly.status == Status::failed)
-    return complain(run_failed, which + "a number is not finite; nothing was written");
-  if (!within_bounds(report))
-    return complain(run_failed,
-                    which + "the verification found a stage beyond its bound; nothing was written");
-  if (const std::string why = refusal(report.answer, options.answer); !why.empty())
-    return complain(run_failed, which + why + "; nothing was written");
-  if (assembly.status == Status::degenerate)
-    warn(which + "the pose is not determined: " + assembly.diagnostics.reason);
-  if (options.model.complete_match && !report.answer.restricted &&
-      assembly.diagnostics.overlap.value_or(1) < 0.9)
-    warn(which +
-         "the pose leaves much of the source off the reference, so this is no moved copy and complete "
-         "matching has no answer for it");
-  const auto written = write_outputs(options, *source, *reference, report);
-  return written ? done : complain(written.error());
+  ReadPair job{std::move(*source), std::move(*reference), at_hand()};
+  AssemblyReport report;
+  report.truth = *truth;
+  report.refine_options = how->refine.value_or(RefineOptions());
+  return names_network(options.model) ? run_network(options, job, *how, report, total)
+                                      : run_solve(options, job, *how, report, total);
 }
 
 }  // namespace
@@ -213,15 +258,12 @@ Command add_assemble(CLI::App& root) {
       ->type_name("FILE");
   app->add_flag("--verify", options->verify,
                 "Also evaluate the pair as defined in double precision and compare every stage");
-  app->add_flag(
-         "--solve", options->solve,
-         "By the clouds' geometry instead of a network: for clouds that overlap, with or without normals")
-      ->excludes("--model", "--verify", "--view", "--refine", "--translation-only", "--yaw-only", "--answers",
-                 "--no-confidence", "--complete-match");
   app->footer(
       "Clouds: PLY, PCD, XYZ, TXT, CSV, NPY. Meshes, which are sampled: OBJ, OFF, STL, PLY with faces.\n"
       "The pose is T_reference_source, in the clouds' units: x_reference = R x_source + t.\n"
-      "Restricted, it has the rotation R' of its family that is nearest to the network's R (Frobenius norm;\n"
+      "Without --model, poses are proposed by the clouds' geometry and, where that leaves a doubt, by every\n"
+      "model that ships; the most likely is returned, with its confidence.\n"
+      "Restricted, it has the rotation R' of its family that is nearest to the pose's R (Frobenius norm;\n"
       "the identity for a shift), and t' = R c + t - R' c: the source's centroid c goes where it went.\n"
       "Refinement starts there, and is restricted like it before its fit is compared with the start's.\n"
       "Exit status: 0 done; 1 ran, but the result is not to be used; 2 bad input or usage.\n\n"

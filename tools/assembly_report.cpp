@@ -9,6 +9,17 @@
 namespace bitr::tool {
 namespace {
 
+void print_network(const AssemblyReport& report, std::FILE* out) {
+  const Plan& plan = *report.plan;
+  std::fprintf(out, "model       %s, %s, %s%s%s\n", plan.model().name().c_str(),
+               mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
+               plan.options().as_defined ? ", as defined" : "",
+               report.complete_match ? ", complete match" : "");
+  if (report.answer.answers > 1)
+    std::fprintf(out, "answers     mean of %d, for the clouds and for parts of them\n",
+                 report.answer.answers);
+}
+
 void print_diagnostics(const AssemblyReport& report, std::FILE* out) {
   const Diagnostics& d = report.answer.assembly.diagnostics;
   std::fprintf(out, "status      %s%s%s\n", status_name(report.answer.assembly.status).data(),
@@ -31,6 +42,29 @@ void print_verification(const std::vector<StageDifference>& stages, std::FILE* o
                  stage.difference, stage.bound, stage.within() ? "" : "  BEYOND");
 }
 
+Json network_diagnostics(const Diagnostics& d) {
+  return {{"singular_values", d.singular_values},
+          {"rotation_gap", d.rotation_gap},
+          {"inlier_rmse", optional_json(d.inlier_rmse)},
+          {"inlier_threshold", optional_json(d.inlier_threshold)},
+          {"swap_residual", optional_json(d.swap_residual)}};
+}
+
+Json network_json(const AssemblyReport& report) {
+  const Plan& plan = *report.plan;
+  const Assembly& assembly = report.answer.assembly;
+  return {
+      {"proposal", plan.model().name()},
+      {"model", plan.model().name()},
+      {"trained", plan.model().trained()},
+      {"complete_match", report.complete_match},
+      {"precision", precision_name(plan.options().precision)},
+      {"as_defined", plan.options().as_defined},
+      {"mode", mode_name(plan.mode())},
+      {"key_points", {{"source", assembly.source_key_points}, {"reference", assembly.reference_key_points}}},
+      {"answers", report.answer.answers}};
+}
+
 }  // namespace
 
 std::string_view status_name(Status status) {
@@ -45,17 +79,14 @@ std::string_view status_name(Status status) {
   return "failed";
 }
 
-Json diagnostics_json(const Assembly& assembly) {
-  const Diagnostics& d = assembly.diagnostics;
-  return {{"status", status_name(assembly.status)},
-          {"degenerate", d.degenerate},
-          {"reason", d.reason},
-          {"singular_values", d.singular_values},
-          {"rotation_gap", d.rotation_gap},
-          {"overlap", optional_json(d.overlap)},
-          {"inlier_rmse", optional_json(d.inlier_rmse)},
-          {"inlier_threshold", optional_json(d.inlier_threshold)},
-          {"swap_residual", optional_json(d.swap_residual)}};
+Json diagnostics_json(const Answer& answer) {
+  const Diagnostics& d = answer.assembly.diagnostics;
+  Json json = {{"status", status_name(answer.assembly.status)},
+               {"degenerate", d.degenerate},
+               {"reason", d.reason},
+               {"overlap", optional_json(d.overlap)}};
+  if (!answer.solution) json.update(network_diagnostics(d));
+  return json;
 }
 
 bool within_bounds(const AssemblyReport& report) {
@@ -64,23 +95,20 @@ bool within_bounds(const AssemblyReport& report) {
 }
 
 void print(const AssemblyReport& report, std::FILE* out) {
-  print_matrix(report.answer.assembly.T_reference_source, out);
-  const Plan& plan = report.plan;
+  const Answer& answer = report.answer;
+  print_matrix(answer.assembly.T_reference_source, out);
   std::fprintf(out, "points      source %zu, reference %zu\n", report.source_points, report.reference_points);
-  std::fprintf(out, "model       %s, %s, %s%s%s\n", plan.model().name().c_str(),
-               mode_name(plan.mode()).data(), precision_name(plan.options().precision).data(),
-               plan.options().as_defined ? ", as defined" : "",
-               report.complete_match ? ", complete match" : "");
-  if (report.answer.answers > 1)
-    std::fprintf(out, "answers     mean of %d, for the clouds and for parts of them\n",
-                 report.answer.answers);
-  if (report.answer.restricted)
-    std::fprintf(out, "restricted  to %s\n", describe(*report.answer.restricted).c_str());
-  print_diagnostics(report, out);
-  if (report.answer.refinement) print(*report.answer.refinement, report.refine_options, out);
-  if (report.answer.confidence) print(*report.answer.confidence, out);
+  if (report.plan) print_network(report, out);
+  if (answer.restricted) std::fprintf(out, "restricted  to %s\n", describe(*answer.restricted).c_str());
+  if (!answer.solution) print_diagnostics(report, out);
+  if (answer.refinement) print(*answer.refinement, report.refine_options, out);
+  if (answer.solution)
+    print(*answer.solution, out);
+  else if (answer.confidence)
+    print(*answer.confidence, out);
   std::fprintf(out, "time        %.1f ms on %s (%s), %u threads\n", report.total_milliseconds,
-               plan.device().name().c_str(), name(plan.device().backend()).data(), plan.device().threads());
+               report.device->name().c_str(), name(report.device->backend()).data(),
+               report.device->threads());
   if (report.truth)
     std::fprintf(out, "error       rotation %.3g degrees, translation %.3g\n",
                  rotation_error_degrees(report.answer.assembly.T_reference_source, *report.truth),
@@ -98,23 +126,14 @@ Json to_json(const AssemblyReport& report) {
   }
 
   Json json = pose_json(pose);
+  json.update(judgement_json(report.answer));
+  if (report.plan) json.update(network_json(report));
   json.update(
-      {{"model", report.plan.model().name()},
-       {"trained", report.plan.model().trained()},
-       {"complete_match", report.complete_match},
-       {"backend", name(report.plan.device().backend())},
-       {"device", report.plan.device().name()},
-       {"precision", precision_name(report.plan.options().precision)},
-       {"as_defined", report.plan.options().as_defined},
-       {"mode", mode_name(report.plan.mode())},
+      {{"backend", name(report.device->backend())},
+       {"device", report.device->name()},
        {"points", {{"source", report.source_points}, {"reference", report.reference_points}}},
-       {"key_points",
-        {{"source", report.answer.assembly.source_key_points},
-         {"reference", report.answer.assembly.reference_key_points}}},
-       {"answers", report.answer.answers},
        {"restriction", report.answer.restricted ? to_json(*report.answer.restricted) : Json(nullptr)},
-       {"diagnostics", diagnostics_json(report.answer.assembly)},
-       {"confidence", report.answer.confidence ? to_json(*report.answer.confidence) : Json(nullptr)},
+       {"diagnostics", diagnostics_json(report.answer)},
        {"refinement", report.answer.refinement ? to_json(*report.answer.refinement, report.refine_options)
                                                : Json(nullptr)}});
   if (report.truth) json["errors"] = errors_json(pose, *report.truth);

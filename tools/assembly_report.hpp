@@ -13,9 +13,10 @@ namespace bitr::tool {
 
 struct AssemblyReport {
   Answer answer;
-  const Plan& plan;
+  const Plan* plan = nullptr;  ///< of the network that was named; null where solve() was asked
+  const Device* device = nullptr;
   bool complete_match = false;
-  std::size_t source_points = 0, reference_points = 0;  ///< that the network saw
+  std::size_t source_points = 0, reference_points = 0;  ///< that were looked at
   std::vector<StageTime> timings;
   double total_milliseconds = 0;  ///< from reading the files to the pose
   std::optional<Pose> truth = {};
@@ -29,7 +30,7 @@ bool within_bounds(const AssemblyReport& report);
 void print(const AssemblyReport& report, std::FILE* out);
 
 /// The pose's status, and the signals that tell good from bad.
-Json diagnostics_json(const Assembly& assembly);
+Json diagnostics_json(const Answer& answer);
 std::string_view status_name(Status status);
 
 /// Everything but `timing_ms` is the same in every run.

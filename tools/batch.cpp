@@ -64,8 +64,9 @@ struct Job {
   std::string problem;
   bool end = false;  ///< there is no such pair
 
-  CloudPair clouds() const { return {source->used, reference->used}; }
-  std::size_t points() const { return problem.empty() ? shape_of(std::vector{clouds()}).points : 0; }
+  InputPair pair() const { return {*source, *reference}; }
+  /// That are looked at.
+  std::size_t points() const { return problem.empty() ? looked_at(*source) + looked_at(*reference) : 0; }
 };
 
 Job end_of_jobs() {
@@ -84,7 +85,7 @@ struct Outcome {
 /// The shard's pairs from a given one on; to be asked by one thread.
 class Jobs {
  public:
-  Jobs(Manifest manifest, const BatchCommandOptions& options, const Model& model, std::uint64_t done)
+  Jobs(Manifest manifest, const BatchCommandOptions& options, const Model* model, std::uint64_t done)
       : manifest_(std::move(manifest)), options_(options), model_(model), done_(done) {}
 
   Job next() {
@@ -122,21 +123,21 @@ class Jobs {
          {std::pair(&job.entry.source, &job.source), {&job.entry.reference, &job.reference}}) {
       auto made = read_input(*path, options_.clouds);
       if (!made) return void(job.problem = made.error().message);
-      choose_points(*made, options_.clouds, model_);
+      if (model_) choose_points(*made, options_.clouds, *model_);
       *input = std::move(*made);
     }
   }
 
   Manifest manifest_;
   const BatchCommandOptions& options_;
-  const Model& model_;
+  const Model* model_;
   std::uint64_t done_, number_ = 0;
 };
 
-/// A plan that grows with the batches, on a device that is made anew when it is lost.
+/// solve(), or a plan that grows with the batches, on a device that is made anew when it is lost.
 class Assembler {
  public:
-  Assembler(const BatchCommandOptions& options, const Model& model, AnswerOptions how, OpenDevice device)
+  Assembler(const BatchCommandOptions& options, const Model* model, AnswerOptions how, OpenDevice device)
       : options_(options), model_(model), how_(std::move(how)), device_(std::move(device)) {}
 
   /// Fills in assemblies or problems. Failure (`device_lost`): no new device takes the lost one's place;
@@ -177,7 +178,7 @@ class Assembler {
 
   Result<std::vector<Answer>> answer_all(const std::vector<Outcome*>& outcomes) {
     std::vector<InputPair> pairs;
-    for (const Outcome* outcome : outcomes) pairs.push_back({*outcome->job.source, *outcome->job.reference});
+    for (const Outcome* outcome : outcomes) pairs.push_back(outcome->job.pair());
     if (!loss_.empty()) renew();
     auto answers = attempt(pairs);
     if (loss_.empty()) return answers;
@@ -207,14 +208,17 @@ class Assembler {
     auto device = open_device(options_.run);
     if (!device) return tl::unexpected(device.error());
     device_ = std::move(*device);
-    auto plan = make_plan(*device_, model_, {1, 2 * least_points(model_.config())}, options_.run.plan);
+    const auto model = model_ ? Result<Model>(*model_) : untrained_model();
+    if (!model) return tl::unexpected(model.error());
+    auto plan = make_plan(*device_, *model, {1, 2 * least_points(model->config())}, options_.run.plan);
     if (!plan) return tl::unexpected(plan.error());
     return prewarm(*plan);
   }
 
   /// Leaves in loss_ whether the device was lost.
   Result<std::vector<Answer>> attempt(const std::vector<InputPair>& pairs) {
-    auto answers = guarded([&] { return answer_with_plan(pairs); });
+    auto answers =
+        guarded([&] { return model_ ? answer_with_plan(pairs) : solve_pairs(*device_, pairs, how_); });
     if (!answers && answers.error().code == ErrorCode::device_lost) loss_ = answers.error().message;
     return answers;
   }
@@ -226,7 +230,7 @@ class Assembler {
       BatchShape capacity{std::max<std::size_t>(shape.pairs, options_.pairs), shape.points * 5 / 4};
       if (plan_) capacity.points = std::max(capacity.points, plan_->capacity().points);
       plan_.reset();
-      auto plan = make_plan(*device_, model_, capacity, options_.run.plan);
+      auto plan = make_plan(*device_, *model_, capacity, options_.run.plan);
       if (!plan) return tl::unexpected(plan.error());
       plan_ = std::make_unique<Plan>(std::move(*plan));
     }
@@ -234,7 +238,7 @@ class Assembler {
   }
 
   const BatchCommandOptions& options_;
-  const Model& model_;
+  const Model* model_;  ///< of the network that is asked; null: solve()
   const AnswerOptions how_;
   OpenDevice device_;
   std::unique_ptr<Plan> plan_;
@@ -257,11 +261,11 @@ Json line_of(const Outcome& outcome, const AnswerChoice& choice, const AnswerOpt
   line["status"] = status_name(assembly.status);
   if (assembly.status == Status::failed) return line;
   line["transform"] = matrix_json(assembly.T_reference_source);
-  line["points"] = {{"source", job.source->used.size()}, {"reference", job.reference->used.size()}};
+  line["points"] = {{"source", looked_at(*job.source)}, {"reference", looked_at(*job.reference)}};
   if (answer.restricted) line["restriction"] = to_json(*answer.restricted);
-  line["diagnostics"] = diagnostics_json(assembly);
+  line["diagnostics"] = diagnostics_json(answer);
   if (answer.refinement) line["refinement"] = to_json(*answer.refinement, *how.refine);
-  if (answer.confidence) line["confidence"] = to_json(*answer.confidence);
+  if (answer.confidence) line.update(judgement_json(answer));
   if (const std::string why = refusal(answer, choice); !why.empty()) line["refused"] = why;
   if (job.truth) line["errors"] = errors_json(assembly.T_reference_source, *job.truth);
   return line;
@@ -307,12 +311,19 @@ std::uint64_t fingerprint_of(const Model& model) {
 }
 
 // What results depend on.
-Json settings_of(const BatchCommandOptions& options, const Model& model, const ManifestSummary& manifest) {
+Json settings_of(const BatchCommandOptions& options, const std::vector<Model>& models,
+                 const ManifestSummary& manifest) {
+  Json names = Json::array(), fingerprints = Json::array();
+  for (const Model& model : models) {
+    names.push_back(model.name());
+    fingerprints.push_back(hex(fingerprint_of(model)));
+  }
   Json settings = {{"manifest", options.manifest},
                    {"manifest_fingerprint", hex(manifest.fingerprint)},
                    {"shard", std::to_string(options.shard.index) + "/" + std::to_string(options.shard.count)},
-                   {"model", model.name()},
-                   {"model_fingerprint", hex(fingerprint_of(model))},
+                   {"solve", !names_network(options.model)},
+                   {"models", names},
+                   {"model_fingerprints", fingerprints},
                    {"complete_match", options.model.complete_match},
                    {"mode", options.run.plan.mode ? Json(mode_name(*options.run.plan.mode)) : Json(nullptr)},
                    {"precision", precision_name(options.run.plan.precision)},
@@ -405,12 +416,32 @@ Result<std::string> results_file(const BatchCommandOptions& options) {
   return file;
 }
 
+/// The one that is named, or those that solve() asks.
+Result<std::vector<Model>> models_of(const BatchCommandOptions& options) {
+  std::vector<Model> models;
+  if (names_network(options.model)) {
+    auto model = choose_model(options.model);
+    if (!model) return tl::unexpected(model.error());
+    return models.push_back(std::move(*model)), models;
+  }
+  if (const auto checked = check_solvable(options.run); !checked) return tl::unexpected(checked.error());
+  for (const ShippedModel& shipped : shipped_models()) {
+    auto model = shipped_model(shipped.name);
+    if (!model) return tl::unexpected(model.error());
+    models.push_back(std::move(*model));
+  }
+  return models;
+}
+
 int run_checked(BatchCommandOptions& options) {
+  // Who chooses among answers has judged them.
+  if (!names_network(options.model)) options.answer.confidence = true;
   auto how = answer_options(options.answer);
   if (!how) return complain(how.error());
   how->complete_match = options.model.complete_match;
-  const auto model = choose_model(options.model);
-  if (!model) return complain(model.error());
+  const auto models = models_of(options);
+  if (!models) return complain(models.error());
+  const Model* model = names_network(options.model) ? &models->front() : nullptr;
   set_at_hand(options.manifest + ", " + std::to_string(options.pairs) + " pairs at once");
   const auto summary = check_manifest(options);
   if (!summary) return complain(summary.error());
@@ -421,12 +452,12 @@ int run_checked(BatchCommandOptions& options) {
   const auto file = results_file(options);
   if (!file) return complain(file.error());
 
-  BatchResults results(*file, settings_of(options, *model, *summary),
+  BatchResults results(*file, settings_of(options, *models, *summary),
                        [&](std::uint64_t i) { return options.shard.pair(i); });
   const std::uint64_t all = options.shard.size(summary->pairs);
   const Progress progress(results.done(), all);
-  Assembler assembler(options, *model, *how, std::move(*device));
-  Jobs jobs(std::move(*manifest), options, *model, results.done());
+  Assembler assembler(options, model, *how, std::move(*device));
+  Jobs jobs(std::move(*manifest), options, model, results.done());
   // Declared after what its thread uses.
   ReadAhead<Job> reader(1, 2 * options.pairs, [&](std::uint64_t) { return jobs.next(); });
   std::future<void> writing;

@@ -40,9 +40,10 @@ std::string problem_of(const Json& line, std::uint64_t pair) {
   if (!posed && status != "failed" && status != "unreadable") return "has a status that there is not";
   if (posed && !has("transform", &Json::is_array)) return "has no \"transform\"";
   if (posed && !has("diagnostics", &Json::is_object)) return "has no \"diagnostics\"";
-  for (const auto& [outer, key] : {std::pair("errors", "rotation_degrees"), {"confidence", "value"}})
-    if (line.contains(outer) && number_under(line, outer, key).is_null())
-      return "has \"" + std::string(outer) + "\" without \"" + key + "\"";
+  if (line.contains("errors") && number_under(line, "errors", "rotation_degrees").is_null())
+    return "has \"errors\" without \"rotation_degrees\"";
+  if (line.contains("confidence") && !line["confidence"].is_number())
+    return "has a \"confidence\" that is no number";
   return {};
 }
 
@@ -80,7 +81,8 @@ void BatchSummary::add(const Json& line) {
   };
   take("errors", "rotation_degrees", rotation_degrees);
   take("diagnostics", "overlap", overlap);
-  take("confidence", "value", confidence);
+  if (const auto given = line.find("confidence"); given != line.end() && given->is_number())
+    confidence.add(given->get<double>());
   refused += line.contains("refused");
 }
 

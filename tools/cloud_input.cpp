@@ -35,14 +35,18 @@ bool too_few_points(const CloudInput& input, const Model& model) {
   return known && input.used.size() < known->low;
 }
 
+std::size_t looked_at(const CloudInput& input) {
+  return input.used.positions.empty() ? input.cloud.size() : input.used.size();
+}
+
 std::string described(const CloudInput& input) {
-  const std::size_t used = input.used.size(), all = input.cloud.size();
+  const std::size_t used = looked_at(input), all = input.cloud.size();
   return input.path + " (" + (used == all ? "" : std::to_string(used) + " of ") + std::to_string(all) +
          " points)";
 }
 
 void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode) {
-  auto* model = add_model(app, options.model, "unless given, the first of them");
+  auto* model = add_model(app, options.model, "unless given, geometry and all of them");
   app.add_flag("--complete-match", options.complete_match,
                "For a reference that is a moved copy of the source; needs no trained model");
   add_seed(app, "--model-seed", options.seed, "Seed of the untrained weights, without --model")
@@ -51,10 +55,11 @@ void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>&
            "Norms without their eps (scale-exact) or with it (reference); the model's own unless given");
 }
 
+bool names_network(const ModelChoice& choice) { return !choice.model.empty() || choice.complete_match; }
+
 Result<Model> choose_model(const ModelChoice& options) {
   if (!options.model.empty()) return find_model(options.model);
-  return options.complete_match ? untrained_model({}, options.seed)
-                                : shipped_model(shipped_models().front().name);
+  return untrained_model({}, options.seed);
 }
 
 }  // namespace bitr::tool

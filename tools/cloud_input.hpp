@@ -32,6 +32,9 @@ void choose_points(CloudInput& input, const CloudOptions& options, const Model& 
 /// Whether the model was trained on larger clouds.
 bool too_few_points(const CloudInput& input, const Model& model);
 
+/// Points that the network sees, or all of them where none was chosen.
+std::size_t looked_at(const CloudInput& input);
+
 /// "scan.ply (2048 of 1000000 points)".
 std::string described(const CloudInput& input);
 
@@ -40,10 +43,11 @@ struct ModelChoice {
   bool complete_match = false;
   std::uint64_t seed = 0;  ///< seed of untrained weights
 };
+/// Whether one network is to be asked, and nobody else.
+bool names_network(const ModelChoice& choice);
 /// --model, --complete-match, --model-seed, and --mode into `mode`.
 void add_model_options(CLI::App& app, ModelChoice& options, std::optional<Mode>& mode);
-/// The one named; with complete matching untrained weights; else the first that ships, which cannot read
-/// every cloud (ModelConfig). Errors as of find_model.
+/// The one named, or with complete matching untrained weights. Errors as of find_model.
 Result<Model> choose_model(const ModelChoice& options);
 
 }  // namespace bitr::tool

@@ -218,11 +218,10 @@ void add_once(std::vector<Follow>& list, Follow follow) {
 }
 
 Result<void> record(EvalMethod& rows, std::span<const DataSample> batch, const std::vector<Pose>& poses,
-                    std::span<const std::optional<NetworkEvidence>> evidence, std::size_t first,
-                    const Estimation& how, bool judge) {
-  std::vector<Confidence> judged;
-  if (judge) {
-    auto found = judge_poses(how.device, pairs_of(batch), poses, evidence);
+                    const Estimate& estimate, std::size_t first, const Estimation& how, bool judge) {
+  std::vector<Confidence> judged = estimate.confidences;
+  if (judge && judged.empty()) {
+    auto found = judge_poses(how.device, pairs_of(batch), poses, estimate.evidence);
     if (!found) return tl::unexpected(found.error());
     judged = std::move(*found);
   }
@@ -263,7 +262,7 @@ Result<EvalSetting> evaluate(const EvalCommandOptions& options, const Setting& s
       if (!found) return failed(found.error(), method.name);
       const auto add = [&](const std::vector<Pose>& poses, double milliseconds) {
         result.methods[row].milliseconds += milliseconds;
-        return record(result.methods[row++], *batch, poses, found->evidence, first, how, options.confidence);
+        return record(result.methods[row++], *batch, poses, *found, first, how, options.confidence);
       };
       if (method.plain)
         if (const auto added = add(found->poses, estimated); !added)
@@ -356,6 +355,10 @@ int run(EvalCommandOptions& options) {
   const bool normals = std::any_of(methods->begin(), methods->end(), [](const Method& method) {
     return method.model && method.model->config().return_normals;
   });
+  const bool solving = std::any_of(methods->begin(), methods->end(),
+                                   [](const Method& method) { return method.kind == MethodKind::solve; });
+  // solve() takes normals where there are some: generated shapes have them for the asking.
+  const bool with_normals = normals || (solving && !options.kind.empty());
   std::shared_ptr<const PairList> list;
   if (!options.pairs.empty()) {
     auto opened = PairList::open(options.pairs);
@@ -383,13 +386,13 @@ int run(EvalCommandOptions& options) {
       data.emplace_back(list, setting.points, options.seed);
       continue;
     }
-    auto opened = open_data(options, setting, normals);
+    auto opened = open_data(options, setting, with_normals);
     if (!opened) return complain(opened.error());
     data.emplace_back(std::move(*opened));
   }
   const bool network = std::any_of(methods->begin(), methods->end(),
                                    [](const Method& method) { return method.kind == MethodKind::network; });
-  const auto device = open_device(options.device, !network);
+  const auto device = open_device(options.device, !network && !solving);
   if (!device) return complain(device.error());
 
   EvalReport report{.data = describe(options, data[0].shapes()),
@@ -520,8 +523,9 @@ Command add_eval(CLI::App& root) {
       "Errors: Δr is the angle between the rotations, up to the shape's rotational symmetry; Δt is how far\n"
       "the object's centre ends from its place. Success is Δr ≤ 5° with Δt ≤ 0.1 of the object's diagonal,\n"
       "and 15° with 0.3; a flip is Δr > 135°.\n"
-      "Controls: identity moves nothing; complete-match takes the untrained network for copies; pca-icp\n"
-      "joins centroids and principal axes in four ways, follows each with ICP, and takes the best fit.\n"
+      "Controls: solve is bitr assemble without a model; identity moves nothing; complete-match takes the\n"
+      "untrained network for copies; pca-icp joins centroids and principal axes in four ways, follows each "
+      "with ICP, and takes the best fit.\n"
       "icp and ot refine as bitr refine --protocol default does, trimmed-icp is plain ICP on positions. It\n"
       "and pca-icp keep (2S - 1)/S of the points for opposed crops, but at least 0.2; 0.5 for independent\n"
       "ones, 0.8 for copies, 0.2 otherwise.\n"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bitr/refine.hpp>
+#include <bitr/solve.hpp>
 #include <cmath>
 
 #include "api/internal.hpp"
@@ -17,6 +18,7 @@ namespace {
 
 Result<Method> control_named(const std::string& name) {
   if (name == "identity") return Method{.name = name};
+  if (name == "solve") return Method{.name = name, .kind = MethodKind::solve};
   if (name == "pca-icp") return Method{.name = name, .kind = MethodKind::principal_axes};
   if (name != "complete-match")
     return fail(ErrorCode::invalid_argument, "--methods: \"" + name + "\" is not one of " +
@@ -97,6 +99,17 @@ Result<Estimate> run_network(Method& method, std::span<const DataSample> batch, 
   return estimate;
 }
 
+Result<Estimate> run_solve(std::span<const DataSample> batch, const Estimation& how) {
+  const auto solutions = solve(how.device, pairs_of(batch), {.answers = how.answers});
+  if (!solutions) return tl::unexpected(solutions.error());
+  Estimate estimate;
+  for (const Solution& solution : *solutions) {
+    estimate.poses.push_back(solution.best.T_reference_source);
+    estimate.confidences.push_back({solution.best.confidence, solution.reasons, {}});
+  }
+  return estimate;
+}
+
 /// Calls of(i) for every sample of the batch, on all threads.
 template <class Of>
 std::vector<Pose> for_each_sample(std::span<const DataSample> batch, const Device& device, Of of) {
@@ -113,7 +126,7 @@ Result<std::vector<Method>> choose_methods(const MethodChoice& choice) {
   std::vector<Method> methods;
   if (auto added = add_models(choice, methods); !added) return tl::unexpected(added.error());
   std::vector<std::string> controls = choice.controls;
-  if (controls.empty() && methods.empty()) controls = {"identity", "pca-icp", "complete-match"};
+  if (controls.empty() && methods.empty()) controls = {"solve", "identity", "pca-icp", "complete-match"};
   if (auto added = add_controls(controls, methods); !added) return tl::unexpected(added.error());
   return methods;
 }
@@ -130,6 +143,8 @@ Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, con
       return Estimate{std::vector<Pose>(batch.size())};
     case MethodKind::network:
       return run_network(method, batch, how);
+    case MethodKind::solve:
+      return run_solve(batch, how);
     case MethodKind::principal_axes:
       break;
   }

@@ -12,7 +12,7 @@
 
 namespace bitr::tool {
 
-enum class MethodKind { identity, principal_axes, network };
+enum class MethodKind { identity, principal_axes, network, solve };
 
 /// What may follow a method, in a row "name+suffix" of its own.
 enum class Follow { icp, ot, trimmed_icp };
@@ -43,7 +43,7 @@ struct MethodChoice {
   std::optional<Mode> mode = {};      ///< overrides the models'
 };
 
-inline constexpr std::string_view control_names = "identity, pca-icp, complete-match";
+inline constexpr std::string_view control_names = "solve, identity, pca-icp, complete-match";
 
 /// Models first, then controls; all controls when nothing is chosen. Names differ: models of one name go by
 /// their paths. The error names what is wrong.
@@ -61,6 +61,7 @@ struct Estimation {
 struct Estimate {
   std::vector<Pose> poses;
   std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::answers; else empty
+  std::vector<Confidence> confidences = {};  ///< that the method gave itself; else empty
   double beside_milliseconds = 0;                             ///< that making a plan took
 };
 Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);

@@ -30,8 +30,9 @@ PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
   return joined;
 }
 
-Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly) {
-  const auto image = render_picture(source, reference, assembly);
+Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly,
+                         std::optional<double> confidence) {
+  const auto image = render_picture(source, reference, assembly, {.confidence = confidence});
   return image ? encode_png(*image) : tl::unexpected(image.error());
 }
 

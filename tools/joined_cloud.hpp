@@ -4,6 +4,7 @@
 #include <bitr/assemble.hpp>
 #include <bitr/cloud.hpp>
 #include <bitr/pose.hpp>
+#include <optional>
 
 #include "output.hpp"
 
@@ -16,6 +17,7 @@ PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
                         const Pose& T_reference_source);
 
 /// Both clouds before and after, as the bytes of a PNG file.
-Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly);
+Result<Bytes> picture_of(const PointCloud& source, const PointCloud& reference, const Assembly& assembly,
+                        std::optional<double> confidence);
 
 }  // namespace bitr::tool

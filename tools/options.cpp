@@ -32,6 +32,11 @@ CLI::Option* count_option(CLI::App& app, const std::string& name, Value& value, 
 
 }  // namespace
 
+Result<void> needs_network(const std::string& option) {
+  return fail(ErrorCode::invalid_argument,
+              option + ": is about one network; name it by --model, or use --complete-match");
+}
+
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description) {
   return parent.add_subcommand(name, description);
 }
@@ -134,6 +139,18 @@ void add_run_options(CLI::App& app, RunOptions& options) {
   app.add_option("--profile", options.profile,
                  "Write when each operation ran, as a trace for ui.perfetto.dev or chrome://tracing")
       ->type_name("FILE.trace.json");
+}
+
+Result<void> check_solvable(const RunOptions& options) {
+  const PlanOptions usual;
+  const std::pair<const char*, bool> asked[] = {{"--precision", options.plan.precision != usual.precision},
+                                                {"--as-defined", options.plan.as_defined},
+                                                {"--mode", options.plan.mode.has_value()},
+                                                {"--neighbors", options.plan.neighbors != usual.neighbors},
+                                                {"--profile", !options.profile.empty()}};
+  for (const auto& [option, given] : asked)
+    if (given) return needs_network(option);
+  return {};
 }
 
 Result<OpenDevice> open_device(const RunOptions& options) {

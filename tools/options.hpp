@@ -77,6 +77,10 @@ struct RunOptions {
   std::string profile;
 };
 void add_run_options(CLI::App& app, RunOptions& options);
+/// Of an option that is given where no network is named: `invalid_argument`.
+Result<void> needs_network(const std::string& option);
+/// `invalid_argument` for what solve() has no use for: it is about one network.
+Result<void> check_solvable(const RunOptions& options);
 Result<OpenDevice> open_device(const RunOptions& options);
 /// The file of --profile, for check_outputs.
 OutputFile profile_output(const RunOptions& options);

@@ -2,17 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
-#include <numbers>
 
-#include "core/turn.hpp"
-#include "io/complaint.hpp"
 #include "io/lines.hpp"
 
 namespace bitr::tool {
 namespace {
-
-// As of a rotation that is not determined (Diagnostics::rotation_gap): rounding decides below it.
-constexpr double least_margin = 1e-3;
 
 Vec3d parse_axis(const std::string& text) {
   Vec3d axis{};
@@ -37,8 +31,6 @@ Vec3d parse_axis(const std::string& text) {
   return axis;
 }
 
-std::string name_of(const Vec3d& axis) { return io::text("(", axis[0], ", ", axis[1], ", ", axis[2], ")"); }
-
 }  // namespace
 
 void add_restriction_options(CLI::App& app, Restriction& restriction) {
@@ -53,30 +45,6 @@ void add_restriction_options(CLI::App& app, Restriction& restriction) {
       ->excludes(translation);
 }
 
-std::string Restricted::problem() const {
-  if (!margin || *margin >= least_margin) return {};
-  return "the turn about " + name_of(*restriction.axis) +
-         " is not determined: the rotation is as far from every one";
-}
-
-Restricted restricted(const Restriction& restriction, const Pose& pose, const Vec3d& source_centroid) {
-  Restricted result{restriction, {}, 0, {}};
-  if (restriction.axis) {
-    const Turn nearest = best_turn(pose.rotation, *restriction.axis);
-    result.pose.rotation = turn_about(*restriction.axis, nearest.angle);
-    result.turn_degrees = nearest.angle * 180 / std::numbers::pi;
-    result.margin = nearest.margin;
-  }
-  const Vec3d goes_to = pose.apply(source_centroid), turned = result.pose.rotate(source_centroid);
-  for (int a = 0; a < 3; ++a) result.pose.translation[a] = goes_to[a] - turned[a];
-  return result;
-}
-
-void follow(const Pose& pose, const Vec3d& source_centroid, Restricted& restricted) {
-  restricted.pose = pose;
-  restricted.turn_degrees = tool::restricted(restricted.restriction, pose, source_centroid).turn_degrees;
-}
-
 Restricted restrict_assembly(const Restriction& restriction, const Vec3d& source_centroid,
                              Assembly& assembly) {
   Restricted result = restricted(restriction, assembly.T_reference_source, source_centroid);
@@ -88,14 +56,6 @@ Restricted restrict_assembly(const Restriction& restriction, const Vec3d& source
     assembly.status = Status::degenerate;
   }
   return result;
-}
-
-std::string describe(const Restricted& restricted) {
-  if (!restricted.restriction.axis) return "a shift";
-  char degrees[32];
-  std::snprintf(degrees, sizeof degrees, "%.4g", restricted.turn_degrees);
-  return std::string("a turn of ") + degrees + "° about " + name_of(*restricted.restriction.axis) +
-         " and a shift";
 }
 
 Json to_json(const Restriction& restriction) {

@@ -21,8 +21,9 @@ struct Image {
 };
 
 struct PictureOptions {
-  int width = 1920, height = 520;  ///< the whole picture, in pixels: 640 … 16384 and 240 … 16384
-  bool key_points = true;          ///< mark those that the assembly has
+  int width = 1920, height = 520;         ///< the whole picture, in pixels: 640 … 16384 and 240 … 16384
+  bool key_points = true;                 ///< mark those that the assembly has with rings, and say so
+  std::optional<double> confidence = {};  ///< written below the assembled clouds, 0 … 1
   /// The camera, the same in every panel: rows are its right, its up and the direction towards the viewer, an
   /// orthonormal right-handed frame. Not given: the reference from its flat side, its longest axis across,
   /// turned to a three-quarter view, so the picture does not depend on the reference's pose.

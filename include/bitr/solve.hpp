@@ -2,10 +2,14 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
+#include <bitr/confidence.hpp>
 #include <bitr/device.hpp>
+#include <bitr/model.hpp>
 #include <bitr/pose.hpp>
+#include <bitr/restriction.hpp>
 #include <bitr/result.hpp>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,11 +17,15 @@
 namespace bitr {
 
 struct SolveOptions {
-  /// Networks whose answers are proposals too, beside those of the clouds' geometry. A cloud without normals
-  /// shows them estimated ones. The plans' own capacity must hold one pair of `network_points` each.
-  std::span<Plan* const> networks = {};
-  std::size_t network_points = 1024;  ///< of each cloud, at most
-  bool geometry = true;               ///< false: the networks' proposals alone
+  /// Asked where the clouds' surfaces leave the pose in doubt, as those of pieces that only meet do: without a value,
+  /// every model that ships; none: geometry alone. A network that reads normals is shown estimated ones where a cloud
+  /// has none; one that reads colours is not asked.
+  std::optional<std::vector<Model>> models = {};
+  int answers =
+      ResampleOptions()
+          .answers;      ///< of each network for parts of the clouds, even; its pose is their mean. 0: none
+  bool geometry = true;  ///< false: the networks' answers alone
+  Restriction restriction = {};       ///< of every pose, in the clouds' own frames
   std::size_t most_alternatives = 4;  ///< poses returned beside the best
 };
 
@@ -41,9 +49,10 @@ struct SolveEvidence {
 
 struct SolvedPose {
   Pose T_reference_source;  ///< x_reference = R x_source + t
-  /// Estimated probability that the rotation is within 5° of the truth and the source's centroid within 5 % of
-  /// the joined object's diagonal of its place.
+  /// Estimated probability that the rotation is within `within_degrees` of the truth and the source's centroid within
+  /// `within_share` of the joined object's diagonal of its place.
   double confidence = 0;
+  double within_degrees = 5, within_share = 0.05;  ///< 20 and 0.1 for a network's pose, which nothing settled
   SolveEvidence evidence;
   std::string proposal;  ///< where it came from: "matches", "principal axes", or a model's name
 };
@@ -55,14 +64,19 @@ struct Solution {
   double source_spacing = 0, reference_spacing = 0;  ///< median distances between neighbours
   double resolution = 0;  ///< of the level that was worked on, in the clouds' units
   std::size_t source_dropped = 0, reference_dropped = 0;  ///< points that were left out: not finite
+  std::optional<Restricted> restricted;  ///< what became of the best pose, where a restriction was asked for
 };
 
-/// Solves every pair: proposes poses, settles them on the clouds, judges them and returns the best. Poses move
-/// with the clouds; the same clouds give the same bits on any number of threads, and alone or among others.
-/// Normals may be missing, or of either sign; points that are not finite are left out. Where nothing can be
-/// said the confidence is 0, the best pose joins the centroids, and a reason says why.
-/// `invalid_argument` when a cloud has fewer than 3 finite points or normals that are not one per point; of
-/// networks, errors as of assemble() make their proposals missing, nothing more.
+/// A pose whose confidence is less than this is in doubt.
+inline constexpr double sure = 0.5;
+
+/// Solves every pair: proposes poses, settles them on the clouds, judges them, asks networks where the best is in doubt,
+/// and returns what is most likely. Poses move with the clouds; the same clouds give the same bits on any number of
+/// threads, and alone or among others. Normals may be missing, or of either sign; points that are not finite are left
+/// out. Where nothing can be said the confidence is 0, the best pose joins the centroids, and a reason says why.
+/// Networks run on the device, geometry on the CPU threads that belong to it.
+/// `invalid_argument` when a cloud has fewer than 3 finite points or normals that are not one per point, or for an
+/// option out of its range; `device_lost` and `internal` as of assemble().
 Result<std::vector<Solution>> solve(const Device& device, std::span<const CloudPair> pairs,
                                     const SolveOptions& options = {});
 

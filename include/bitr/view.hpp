@@ -7,12 +7,17 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace bitr {
 
 struct ViewOptions {
   std::string source_name = "source", reference_name = "reference";  ///< shown; any bytes
   std::string report = "{}";  ///< a JSON object that the page shows beside the clouds, whatever its keys
+  /// Poses beside the assembly's own that the page flips through, and what it calls each of them. With any, the
+  /// first name is the assembly's.
+  std::vector<Pose> alternatives = {};
+  std::vector<std::string> names = {};  ///< one more than alternatives, or none
   /// Points shown of a cloud, above 0; larger ones are thinned evenly over the surface, and the page says so.
   std::size_t most_points = 200'000;
 };
@@ -26,7 +31,7 @@ bool has_view();
 /// closer, and the page says so. Same input, same page.
 ///
 /// `unsupported` without has_view(); `invalid_argument` as render_picture, when colours are not one per
-/// point, the report is no JSON object, or most_points is 0.
+/// point, the report is no JSON object, names and alternatives do not agree, or most_points is 0.
 Result<std::string> render_view(const PointCloud& source, const PointCloud& reference,
                                 const Assembly& assembly, const ViewOptions& options = {});
 

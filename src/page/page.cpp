@@ -122,8 +122,15 @@ Json data_of(const PointCloud& source_cloud, const PointCloud& reference_cloud, 
     return (point - reference.box.centre()) / length;
   };
   const Vector3d centre = source.box.centre();
-  const Vector3d after =
-      from_reference(vector_of(assembly.T_reference_source.apply({centre[0], centre[1], centre[2]})));
+  std::vector<Pose> poses = {assembly.T_reference_source};
+  poses.insert(poses.end(), options.alternatives.begin(), options.alternatives.end());
+  Json ways = Json::array();
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Vector3d after = from_reference(vector_of(poses[i].apply({centre[0], centre[1], centre[2]})));
+    ways.push_back({{"name", options.names.empty() ? "assembled" : options.names[i]},
+                    {"rotation", poses[i].rotation},
+                    {"after", json_of(after)}});
+  }
   Vector3d before = from_reference(centre);
   // No farther than clear of each other: both have to be on the screen.
   const double most = 1.15 * (source.box.diagonal() + reference.box.diagonal()) / 2 / length;
@@ -135,9 +142,8 @@ Json data_of(const PointCloud& source_cloud, const PointCloud& reference_cloud, 
   return {{"length", length},
           {"source", json_of(source, length, options.most_points)},
           {"reference", json_of(reference, length, options.most_points)},
-          {"rotation", assembly.T_reference_source.rotation},
           {"before", json_of(before)},
-          {"after", json_of(after)},
+          {"poses", std::move(ways)},
           {"brought_closer", closer},
           {"view",
            {view(0, 0), view(0, 1), view(0, 2), view(1, 0), view(1, 1), view(1, 2), view(2, 0), view(2, 1),
@@ -172,6 +178,10 @@ Result<std::string> render_view(const PointCloud& source, const PointCloud& refe
     check_cloud(reference, "reference");
     picture::check(assembly);
     if (options.most_points == 0) refuse("a view of most_points 0");
+    const std::size_t named = options.names.size(), poses = options.alternatives.size() + 1;
+    if (named != poses && (named > 0 || poses > 1))
+      refuse("a view of " + std::to_string(poses) + " poses with " + std::to_string(named) + " names");
+    for (const Pose& pose : options.alternatives) picture::check(pose);
     const std::string data = script_text(data_of(source, reference, assembly, options));
     const std::size_t at = page().find(mark);
     std::string html(page().substr(0, at));

@@ -10,6 +10,11 @@ namespace {
 
 constexpr double most_coordinate = 1e100;  // squares stay finite
 
+template <class Numbers>
+bool within_bounds(const Numbers& numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::abs(x) <= most_coordinate; });
+}
+
 }  // namespace
 
 void check(const PointCloud& cloud, const std::string& name) {
@@ -24,16 +29,15 @@ void check(const PointCloud& cloud, const std::string& name) {
                " has a coordinate that is not finite or beyond 1e100");
 }
 
+void check(const Pose& pose) {
+  if (!within_bounds(pose.rotation) || !within_bounds(pose.translation)) refuse("the pose is not finite");
+}
+
 void check(const Assembly& assembly) {
-  const auto finite = [](const auto& numbers) {
-    return std::all_of(numbers.begin(), numbers.end(),
-                       [](double x) { return std::abs(x) <= most_coordinate; });
-  };
-  const Pose& pose = assembly.T_reference_source;
-  if (!finite(pose.rotation) || !finite(pose.translation)) refuse("the pose is not finite");
-  if (!std::all_of(assembly.source_key_points.begin(), assembly.source_key_points.end(), finite) ||
-      !std::all_of(assembly.reference_key_points.begin(), assembly.reference_key_points.end(), finite))
-    refuse("a key point is not finite");
+  check(assembly.T_reference_source);
+  for (const auto* points : {&assembly.source_key_points, &assembly.reference_key_points})
+    if (!std::all_of(points->begin(), points->end(), [](const Vec3d& point) { return within_bounds(point); }))
+      refuse("a key point is not finite");
 }
 
 }  // namespace bitr::picture

@@ -12,5 +12,6 @@ namespace bitr::picture {
 void check(const PointCloud& cloud, const std::string& name);
 /// The same where the pose or a key point is not finite.
 void check(const Assembly& assembly);
+void check(const Pose& pose);
 
 }  // namespace bitr::picture

@@ -86,11 +86,19 @@ std::string points_note(std::size_t points) {
   return with_commas(points) + (points == 1 ? " point" : " points");
 }
 
-std::string after_note(const Assembly& assembly, bool shortened) {
-  if (shortened) return "far apart, drawn closer";
-  if (assembly.status == Status::degenerate) return "not determined";
-  const auto overlap = assembly.diagnostics.overlap;
-  return overlap ? "overlap " + std::to_string(std::lround(*overlap * 100)) + " %" : "assembled";
+std::string percent_note(const char* what, double share) {
+  return what + std::to_string(std::lround(share * 100)) + " %";
+}
+
+std::string after_note(const Assembly& assembly, bool shortened, const PictureOptions& options) {
+  const auto& overlap = assembly.diagnostics.overlap;
+  std::string note = shortened                               ? "far apart, drawn closer"
+                     : assembly.status == Status::degenerate ? "not determined"
+                     : overlap                               ? percent_note("overlap ", *overlap)
+                                                             : "assembled";
+  if (options.confidence) note += ", " + percent_note("confidence ", *options.confidence);
+  if (options.key_points && !assembly.source_key_points.empty()) note += ", rings are key points";
+  return note;
 }
 
 }  // namespace
@@ -132,7 +140,7 @@ Scene::Scene(const PointCloud& source_cloud, const PointCloud& reference_cloud, 
                .note = before.shortened ? "as given, drawn closer" : "as given",
                .parts = {{Role::source, &source, before.seen}, {Role::reference, &reference}}};
   panels[3] = {.title = "after",
-               .note = after_note(assembly, after.shortened),
+               .note = after_note(assembly, after.shortened, options),
                .parts = {{Role::source, &assembled, after.seen}, {Role::reference, &reference}}};
   for (Panel& panel : panels) {
     for (const Part& part : panel.parts) {

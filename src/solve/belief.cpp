@@ -19,6 +19,8 @@ constexpr double conflict_weight = 2;
 // From here on a surface that slides loses belief; at 1 it has none.
 constexpr double firm = 0.8;
 constexpr double enough_touching = 50;
+// Nothing that looks at two clouds alone is surer.
+constexpr double most_certain = 0.999;
 
 double by_margin(const std::vector<Candidate>& poses) {
   const double touching = std::max(1.0, poses[0].fit.touching);
@@ -58,6 +60,30 @@ std::vector<double> beliefs(const std::vector<Candidate>& poses, const std::vect
   // Between equals nothing tells the first from the others.
   for (std::size_t i = 1; i < poses.size(); ++i) result[i] = std::min(result[i], result[0]);
   return result;
+}
+
+std::vector<double> shared_by_odds(const std::vector<double>& confidences,
+                                   const std::function<bool(std::size_t, std::size_t)>& contradict) {
+  const auto odds = [&](std::size_t i) {
+    return confidences[i] / (1 - std::min(confidences[i], most_certain));
+  };
+  std::vector<double> shared;
+  for (std::size_t i = 0; i < confidences.size(); ++i) {
+    // Those that contradict it may be one answer said twice: each counts unless it agrees with one that has counted.
+    double others = 0;
+    std::vector<std::size_t> counted;
+    for (std::size_t j = 0; j < confidences.size(); ++j) {
+      if (j == i || !contradict(i, j)) continue;
+      const bool again = std::any_of(counted.begin(), counted.end(), [&](std::size_t k) {
+        return !contradict(j, k) && confidences[k] >= confidences[j];
+      });
+      if (again) continue;
+      counted.push_back(j);
+      others += odds(j);
+    }
+    shared.push_back(counted.empty() ? confidences[i] : odds(i) / (1 + odds(i) + others));
+  }
+  return shared;
 }
 
 }  // namespace bitr::solving

@@ -1,6 +1,8 @@
 // From evidence to numbers that can be acted on.
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "solve/propose.hpp"
@@ -12,6 +14,11 @@ namespace bitr::solving {
 /// it, as a product; of the rest the others have their share by their scores, of which again only what their own
 /// scores leave them. `slacks` are of the first few.
 std::vector<double> beliefs(const std::vector<Candidate>& poses, const std::vector<double>& slacks);
+
+/// The probabilities of answers that were each judged alone, given that of those which contradict each other one is right
+/// at most: each by its odds. An answer that none contradicts keeps its own.
+std::vector<double> shared_by_odds(const std::vector<double>& confidences,
+                                   const std::function<bool(std::size_t, std::size_t)>& contradict);
 
 /// How far the next distinct pose's score is below the best one's, as a share of it.
 double margin(const std::vector<Candidate>& poses);

@@ -1,6 +1,7 @@
 #include "solve/pipeline.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 #include "solve/belief.hpp"
 
@@ -10,7 +11,6 @@ namespace {
 constexpr std::size_t level_points[] = {3000, 5000};
 // A finer level than this part of the one before shows nothing new.
 constexpr double least_gain = 0.85;
-constexpr double distinct = 3;  // resolutions: poses that move the source less against each other are one
 constexpr std::size_t most_settled = 24, most_kept = 12, turned_over_from = 3, most_slacks = 3;
 constexpr std::size_t prescored_every = 3;
 // Beyond this more proposals are not worth their time.
@@ -74,6 +74,15 @@ class Search {
     keep_distinct();
     judge(most_slacks);
   }
+
+  /// Takes up poses that are settled already.
+  void keep(std::vector<Candidate> settled) {
+    tried_.insert(tried_.end(), settled.begin(), settled.end());
+    poses_.insert(poses_.end(), std::make_move_iterator(settled.begin()),
+                  std::make_move_iterator(settled.end()));
+    keep_distinct();
+  }
+  void judge_all() { judge(most_slacks); }
 
   bool believes(double least) {
     judge(1);
@@ -161,8 +170,7 @@ std::unique_ptr<Search> touch(std::unique_ptr<LevelPair> level, ThreadPool& pool
 
 }  // namespace
 
-Settled find_poses(const Prepared& source, const Prepared& reference, bool geometry,
-                   const MoreProposals& more, ThreadPool& pool) {
+Settled find_poses(const Prepared& source, const Prepared& reference, bool geometry, ThreadPool& pool) {
   const double reach = *std::max_element(std::begin(descriptor_radii), std::end(descriptor_radii));
   std::vector<Candidate> before;
   std::unique_ptr<Search> search;
@@ -172,7 +180,6 @@ Settled find_poses(const Prepared& source, const Prepared& reference, bool geome
     if (search) before = search->poses();
     search = std::make_unique<Search>(std::move(level), pool);
     search->take(before);
-    if (points == level_points[0] && more) search->take(more(search->level()));
     if (!geometry) break;
     search->take(search->proposer().of_axes());
     for (const SignRule& rule : rules_for(search->level())) {
@@ -191,6 +198,29 @@ Settled find_poses(const Prepared& source, const Prepared& reference, bool geome
             touch(levels(source, reference, level_points[1], reach, descriptor_neighbours, pool), pool))
       search = std::move(touching);
   return std::move(*search).result();
+}
+
+Settled with_more(Settled settled, std::vector<Candidate> candidates, ThreadPool& pool) {
+  Search search(std::move(settled.level), pool);
+  search.keep(std::move(settled.poses));
+  search.take(std::move(candidates));
+  search.finish();
+  return std::move(search).result();
+}
+
+Settled within(const Restriction& restriction, Settled settled, ThreadPool& pool) {
+  const std::vector<double> before = settled.confidences;
+  const double most = before.empty() ? 0 : *std::max_element(before.begin(), before.end());
+  for (Candidate& c : settled.poses) {
+    c.T = restricted(restriction, c.T, {}).pose;
+    c.fit = fit(settled.level->source, settled.level->reference, c.T);
+  }
+  Search search(std::move(settled.level), pool);
+  search.keep(std::move(settled.poses));
+  search.judge_all();
+  Settled result = std::move(search).result();
+  for (double& confidence : result.confidences) confidence = std::min(confidence, most);
+  return result;
 }
 
 }  // namespace bitr::solving

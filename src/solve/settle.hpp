@@ -9,6 +9,9 @@
 
 namespace bitr::solving {
 
+/// In resolutions: poses that move the source less than this against each other are one.
+inline constexpr double distinct = 3;
+
 /// Root of the mean squared distance between where two poses take the level's points, by their scatter.
 class Motion {
  public:

@@ -4,8 +4,8 @@
 #include "api/internal.hpp"
 #include "core/guarded.hpp"
 #include "refine/surface.hpp"
+#include "solve/ask.hpp"
 #include "solve/belief.hpp"
-#include "solve/network.hpp"
 #include "solve/pipeline.hpp"
 #include "solve/reasons.hpp"
 
@@ -15,6 +15,15 @@ namespace {
 using namespace solving;
 
 constexpr std::size_t fewest_points = 3;
+// Only a copy fits like this.
+constexpr double telling_score = 0.9;
+// Poses that turn the source less than 20° against each other are one network's answer, more or less well.
+constexpr double same_answer = 0.35;
+// A network's answer that brings more of the points over the inside of the other cloud's surface is none; less than the
+// first takes nothing.
+constexpr double least_conflict = 0.15, most_conflict = 0.45;
+// What a network makes of normals whose signs are guessed was never calibrated.
+constexpr double with_guessed_normals = 0.5;
 
 Prepared prepare_or_refuse(const CloudView& cloud, const std::string& which) {
   const auto refuse = [&](const std::string& why) {
@@ -30,6 +39,14 @@ Prepared prepare_or_refuse(const CloudView& cloud, const std::string& which) {
   return prepared;
 }
 
+std::vector<Model> models_of(const SolveOptions& options) {
+  if (options.models) return *options.models;
+  std::vector<Model> models;
+  for (const ShippedModel& shipped : shipped_models())
+    models.push_back(value_or_throw(shipped_model(shipped.name)));
+  return models;
+}
+
 /// Of the clouds as given.
 Pose uncentred(const Pose& T, const Vec3d& source, const Vec3d& reference) {
   Pose result = T;
@@ -38,9 +55,25 @@ Pose uncentred(const Pose& T, const Vec3d& source, const Vec3d& reference) {
   return result;
 }
 
-SolveEvidence evidence_of(const Settled& settled, std::size_t i) {
-  const Candidate& c = settled.poses[i];
-  const Fit& f = c.fit;
+/// A pair on its way.
+struct Work {
+  Prepared source, reference;
+  std::string hopeless;  ///< why nothing can be said, if so
+  Settled settled = {};
+  std::vector<Reply> replies = {};
+
+  const LevelPair& level() const { return *settled.level; }
+  /// Thin parts fit turned over as well, and only who knows the whole can tell: so a network that is shown the normals
+  /// it reads is asked unless the surfaces share too much for chance.
+  bool in_doubt() const {
+    if (!hopeless.empty()) return false;
+    if (settled.confidences.empty() || settled.confidences[0] < sure) return true;
+    return level().source.given_normals && level().reference.given_normals &&
+           settled.poses[0].fit.score < telling_score;
+  }
+};
+
+SolveEvidence evidence_of(const Fit& f) {
   SolveEvidence e;
   e.score = f.score;
   e.source_overlap = f.source.near;
@@ -48,54 +81,171 @@ SolveEvidence evidence_of(const Settled& settled, std::size_t i) {
   e.residual = std::max(f.source.residual, f.reference.residual);
   e.normals = std::min(f.source.cosine, f.reference.cosine);
   e.conflict = conflict_share(f);
-  e.slack = i < settled.slacks.size() ? settled.slacks[i] : 1;
-  e.margin = i == 0 ? margin(settled.poses) : f.score > 0 ? 1 - settled.poses[0].fit.score / f.score : 0;
-  e.support = c.support;
+  e.slack = 1;
   return e;
 }
 
-Solution solve_pair(const CloudPair& pair, const std::string& which, const SolveOptions& options,
-                    ThreadPool& pool) {
-  const Prepared source = prepare_or_refuse(pair.source, which + "source"),
-                 reference = prepare_or_refuse(pair.reference, which + "reference");
+SolvedPose settled_pose(const Work& work, std::size_t i) {
+  const Settled& settled = work.settled;
+  const Candidate& c = settled.poses[i];
+  SolvedPose pose;
+  pose.T_reference_source = uncentred(c.T, work.source.centroid, work.reference.centroid);
+  pose.confidence = settled.confidences[i];
+  pose.proposal = c.from;
+  SolveEvidence& e = pose.evidence = evidence_of(c.fit);
+  if (i < settled.slacks.size()) e.slack = settled.slacks[i];
+  e.margin = i == 0            ? margin(settled.poses)
+             : c.fit.score > 0 ? 1 - settled.poses[0].fit.score / c.fit.score
+                               : 0;
+  e.support = c.support;
+  return pose;
+}
+
+SolvedPose replied_pose(const Work& work, const Reply& reply) {
+  SolvedPose pose;
+  pose.T_reference_source = uncentred(reply.T, work.source.centroid, work.reference.centroid);
+  pose.confidence = reply.confidence;
+  pose.within_degrees = 20;
+  pose.within_share = 0.1;
+  pose.proposal = reply.model;
+  pose.evidence = evidence_of(fit(work.level().source, work.level().reference, reply.T));
+  return pose;
+}
+
+Work prepare_pair(const CloudPair& pair, const std::string& which) {
+  Work work{prepare_or_refuse(pair.source, which + "source"),
+            prepare_or_refuse(pair.reference, which + "reference"),
+            {}};
+  work.hopeless = hopeless(work.source, work.reference, work.source.cloud.points.size(),
+                           work.reference.cloud.points.size());
+  return work;
+}
+
+void settle(Work& work, const SolveOptions& options, ThreadPool& pool) {
+  if (!work.hopeless.empty()) return;
+  work.settled = find_poses(work.source, work.reference, options.geometry, pool);
+  if (options.restriction.any()) work.settled = within(options.restriction, std::move(work.settled), pool);
+  work.hopeless =
+      hopeless(work.source, work.reference, work.level().source.size(), work.level().reference.size());
+}
+
+/// A network knows what it was trained on; of anything else it is as sure. The surfaces say what they can against it.
+void doubt(Work& work) {
+  const bool guessed = !work.level().source.given_normals || !work.level().reference.given_normals;
+  for (Reply& reply : work.replies) {
+    const Fit f = fit(work.level().source, work.level().reference, reply.T);
+    const double conflict = f.source.conflict + f.reference.conflict;
+    const double left = std::clamp((most_conflict - conflict) / (most_conflict - least_conflict), 0.0, 1.0);
+    if (left < 1)
+      reply.reasons.insert(reply.reasons.begin(), "parts of the clouds would be inside each other");
+    reply.confidence *= left;
+    if (!guessed) continue;
+    reply.confidence *= with_guessed_normals;
+    reply.reasons.insert(reply.reasons.begin(), "the clouds have no normals, and their signs are guessed");
+  }
+}
+
+/// Answers that exclude each other share what is certain.
+void weigh(Work& work) {
+  Settled& settled = work.settled;
+  std::vector<Pose> poses;
+  std::vector<double> confidences;
+  if (!settled.poses.empty()) {
+    poses.push_back(settled.poses[0].T);
+    confidences.push_back(settled.confidences[0]);
+  }
+  for (const Reply& reply : work.replies) {
+    poses.push_back(reply.T);
+    confidences.push_back(reply.confidence);
+  }
+  const Motion motion(work.level().source);
+  const std::vector<double> shared = shared_by_odds(confidences, [&](std::size_t i, std::size_t j) {
+    return motion.between(poses[i], poses[j]) > same_answer * motion.radius();
+  });
+  std::size_t at = 0;
+  if (!settled.poses.empty()) {
+    const double left = confidences[0] > 0 ? shared[0] / confidences[0] : 1;
+    for (double& confidence : settled.confidences) confidence *= left;
+    ++at;
+  }
+  for (Reply& reply : work.replies) reply.confidence = shared[at++];
+}
+
+/// What a network proposes may lie on the surfaces, too, once it is settled.
+void take_replies(Work& work, std::vector<Reply> replies, const SolveOptions& options, ThreadPool& pool) {
+  if (replies.empty()) return;
+  if (options.geometry) {
+    std::vector<Candidate> candidates;
+    for (const Reply& reply : replies) candidates.push_back({.T = reply.T, .from = reply.model});
+    work.settled = with_more(std::move(work.settled), std::move(candidates), pool);
+    if (options.restriction.any()) work.settled = within(options.restriction, std::move(work.settled), pool);
+  }
+  work.replies = std::move(replies);
+  doubt(work);
+  weigh(work);
+}
+
+struct Ranked {
+  SolvedPose pose;
+  Pose centred;
+  const Reply* reply = nullptr;  ///< a network's, as it gave it
+};
+
+/// Most likely first, none like another before it.
+std::vector<Ranked> ranked(const Work& work) {
+  std::vector<Ranked> all;
+  for (std::size_t i = 0; i < work.settled.poses.size(); ++i)
+    all.push_back({settled_pose(work, i), work.settled.poses[i].T});
+  for (const Reply& reply : work.replies) all.push_back({replied_pose(work, reply), reply.T, &reply});
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Ranked& a, const Ranked& b) { return a.pose.confidence > b.pose.confidence; });
+  const Motion motion(work.level().source);
+  std::vector<Ranked> some;
+  for (Ranked& one : all) {
+    const bool known = std::any_of(some.begin(), some.end(), [&](const Ranked& other) {
+      return motion.between(one.centred, other.centred) <= distinct * work.level().source.resolution;
+    });
+    if (!known) some.push_back(std::move(one));
+  }
+  return some;
+}
+
+Solution solution_of(const Work& work, const SolveOptions& options) {
   Solution solution;
-  solution.source_spacing = source.spacing;
-  solution.reference_spacing = reference.spacing;
-  solution.source_dropped = source.dropped;
-  solution.reference_dropped = reference.dropped;
-  solution.best.T_reference_source = uncentred({}, source.centroid, reference.centroid);
-  const auto refuse = [&](std::string why) {
-    solution.reasons = {std::move(why)};
-    return solution;
-  };
-  if (std::string why =
-          hopeless(source, reference, source.cloud.points.size(), reference.cloud.points.size());
-      !why.empty())
-    return refuse(std::move(why));
-  MoreProposals networks;
-  if (!options.networks.empty())
-    networks = [&](const LevelPair& level) {
-      return network_proposals(options.networks, level, options.network_points);
-    };
-  const Settled settled = find_poses(source, reference, options.geometry, networks, pool);
-  solution.resolution = settled.level->source.resolution;
-  for (std::size_t i = 0; i < std::min(settled.poses.size(), 1 + options.most_alternatives); ++i) {
-    SolvedPose pose{uncentred(settled.poses[i].T, source.centroid, reference.centroid),
-                    settled.confidences[i], evidence_of(settled, i), settled.poses[i].from};
-    if (i == 0)
-      solution.best = std::move(pose);
-    else
-      solution.alternatives.push_back(std::move(pose));
+  solution.source_spacing = work.source.spacing;
+  solution.reference_spacing = work.reference.spacing;
+  solution.source_dropped = work.source.dropped;
+  solution.reference_dropped = work.reference.dropped;
+  solution.best.T_reference_source = uncentred({}, work.source.centroid, work.reference.centroid);
+  if (work.settled.level) solution.resolution = work.level().source.resolution;
+  const Reply* reply = nullptr;
+  if (work.settled.level) {
+    auto poses = ranked(work);
+    for (std::size_t i = 0; i < std::min(poses.size(), 1 + options.most_alternatives); ++i) {
+      if (!work.hopeless.empty()) poses[i].pose.confidence = 0;
+      if (i > 0) {
+        solution.alternatives.push_back(std::move(poses[i].pose));
+        continue;
+      }
+      solution.best = std::move(poses[i].pose);
+      reply = poses[i].reply;
+    }
   }
-  if (std::string why =
-          hopeless(source, reference, settled.level->source.size(), settled.level->reference.size());
-      !why.empty()) {
-    solution.best.confidence = 0;
-    for (SolvedPose& other : solution.alternatives) other.confidence = 0;
-    return refuse(std::move(why));
+  if (!work.hopeless.empty())
+    solution.reasons = {work.hopeless};
+  else if (solution.best.proposal.empty())
+    solution.reasons = {"no part of one cloud looks like one of the other"};
+  else
+    solution.reasons = reply ? reply->reasons : reasons(solution);
+  if (options.restriction.any()) {
+    solution.restricted =
+        restricted(options.restriction, solution.best.T_reference_source, work.source.centroid);
+    solution.best.T_reference_source = solution.restricted->pose;
+    if (std::string problem = solution.restricted->problem(); !problem.empty()) {
+      solution.best.confidence = 0;
+      solution.reasons.insert(solution.reasons.begin(), std::move(problem));
+    }
   }
-  if (settled.poses.empty()) return refuse("no part of one cloud looks like one of the other");
-  solution.reasons = reasons(solution);
   return solution;
 }
 
@@ -104,10 +254,25 @@ Solution solve_pair(const CloudPair& pair, const std::string& which, const Solve
 Result<std::vector<Solution>> solve(const Device& device, std::span<const CloudPair> pairs,
                                     const SolveOptions& options) {
   return guarded([&]() -> Result<std::vector<Solution>> {
+    ThreadPool& pool = Internal::pool(device);
+    std::vector<Work> works;
+    std::vector<std::size_t> in_doubt;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      works.push_back(prepare_pair(pairs[i], refine::pair_name(i, pairs.size())));
+      settle(works[i], options, pool);
+      if (works[i].in_doubt()) in_doubt.push_back(i);
+    }
+    const std::vector<Model> models = in_doubt.empty() ? std::vector<Model>() : models_of(options);
+    if (!models.empty()) {
+      std::vector<Question> questions;
+      for (const std::size_t i : in_doubt)
+        questions.push_back({works[i].source, works[i].reference, works[i].level()});
+      auto replies = ask(device, models, {options.answers, options.restriction}, questions);
+      for (std::size_t k = 0; k < in_doubt.size(); ++k)
+        take_replies(works[in_doubt[k]], std::move(replies[k]), options, pool);
+    }
     std::vector<Solution> solutions;
-    for (std::size_t i = 0; i < pairs.size(); ++i)
-      solutions.push_back(
-          solve_pair(pairs[i], refine::pair_name(i, pairs.size()), options, Internal::pool(device)));
+    for (const Work& work : works) solutions.push_back(solution_of(work, options));
     return solutions;
   });
 }

@@ -178,7 +178,7 @@ TEST_F(View, TakesTheSourcesCentreToItsPlace) {
   const auto vec = [](const nlohmann::json& v) { return Vec3d{v[0], v[1], v[2]}; };
   const Vec3d place = assembly.T_reference_source.apply(vec(json["source"]["centre"]));
   for (int i = 0; i < 3; ++i)
-    EXPECT_NEAR(double(json["after"][i]) * double(json["length"]) + double(json["reference"]["centre"][i]),
+    EXPECT_NEAR(double(json["poses"][0]["after"][i]) * double(json["length"]) + double(json["reference"]["centre"][i]),
                 place[i], 1e-9);
   // A million away is drawn closer, in the same direction.
   EXPECT_TRUE(json["brought_closer"]);

@@ -60,9 +60,20 @@ function addSlider(stage) {
   set(slider.valueAsNumber);
 }
 
-export function addControls(stage, data) {
+/** The poses to choose among, where there are several. */
+function addPoses(stage, data, motions) {
+  const choice = one('#pose');
+  one('#poses').hidden = motions.length < 2;
+  for (const { name } of data.poses) choice.append(Object.assign(document.createElement('option'), { textContent: name }));
+  choice.addEventListener('change', () =>
+    stage.follow(motions[choice.selectedIndex], one('#progress').valueAsNumber),
+  );
+}
+
+export function addControls(stage, data, motions) {
   addLayers(stage);
   addSlider(stage);
+  addPoses(stage, data, motions);
   const size = one('#size');
   const describe = () => size.setAttribute('aria-valuetext', `${(2 ** size.valueAsNumber).toFixed(2)} times`);
   size.addEventListener('input', () => {

@@ -24,10 +24,11 @@ one('h1').textContent = title;
 one('#notes').textContent = notesOf(data);
 showReport(one('#report'), data.report);
 
-const motion = new Motion(data.rotation, data.before, data.after);
+const motions = data.poses.map(({ rotation, after }) => new Motion(rotation, data.before, after));
+let stage;
 try {
-  const stage = new Stage(one('#scene'), data, motion);
-  addControls(stage, data);
+  stage = new Stage(one('#scene'), data, motions[0]);
+  addControls(stage, data, motions);
 } catch (error) {
   one('form').hidden = true;
   one('#message').hidden = false;
@@ -35,4 +36,4 @@ try {
 }
 
 // For scripts, and for a person at the console.
-window.bitr = { data, poseAt: (s) => poseAt(motion, data, s) };
+window.bitr = { data, poseAt: (s) => poseAt(stage?.motion ?? motions[0], data, s) };

@@ -92,7 +92,7 @@ function object(value) {
   return made;
 }
 
-const first = ['confidence', 'diagnostics', 'errors', 'transform'];
+const first = ['confidence', 'reasons', 'proposal', 'diagnostics', 'errors', 'transform'];
 const rank = ([key]) => (first.includes(key) ? first.indexOf(key) : first.length);
 
 /** How good the result is comes first, plain values about the run last. */

@@ -75,6 +75,12 @@ export class Stage {
     this.draw();
   }
 
+  /** Another way for the source, seen from where it is now. */
+  follow(motion, s) {
+    this.motion = motion;
+    this.move(s);
+  }
+
   show(layer, shown) {
     this.objects[layer].visible = shown;
     this.draw();
