@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <bitr/solve.hpp>
+#include <numeric>
 
 #include "api/internal.hpp"
 #include "core/guarded.hpp"
@@ -145,23 +146,33 @@ void doubt(Work& work) {
   }
 }
 
-/// Answers that exclude each other share what is certain.
+/// That one of the settled poses is right: which of them may be open.
+double together(const Settled& settled) {
+  return std::accumulate(settled.confidences.begin(), settled.confidences.end(), 0.0);
+}
+
+/// Answers that exclude each other share what is certain. A network that agrees with a settled pose that is sure has
+/// nothing to add: what lies on the surfaces is the more exact.
 void weigh(Work& work) {
   Settled& settled = work.settled;
+  const Motion motion(work.level().source);
+  const auto differ = [&](const Pose& a, const Pose& b) {
+    return motion.between(a, b) > same_answer * motion.radius();
+  };
+  if (!settled.poses.empty() && settled.confidences[0] >= sure)
+    std::erase_if(work.replies, [&](const Reply& reply) { return !differ(reply.T, settled.poses[0].T); });
   std::vector<Pose> poses;
   std::vector<double> confidences;
   if (!settled.poses.empty()) {
     poses.push_back(settled.poses[0].T);
-    confidences.push_back(settled.confidences[0]);
+    confidences.push_back(together(settled));
   }
   for (const Reply& reply : work.replies) {
     poses.push_back(reply.T);
     confidences.push_back(reply.confidence);
   }
-  const Motion motion(work.level().source);
-  const std::vector<double> shared = shared_by_odds(confidences, [&](std::size_t i, std::size_t j) {
-    return motion.between(poses[i], poses[j]) > same_answer * motion.radius();
-  });
+  const std::vector<double> shared =
+      shared_by_odds(confidences, [&](std::size_t i, std::size_t j) { return differ(poses[i], poses[j]); });
   std::size_t at = 0;
   if (!settled.poses.empty()) {
     const double left = confidences[0] > 0 ? shared[0] / confidences[0] : 1;
@@ -191,21 +202,28 @@ struct Ranked {
   const Reply* reply = nullptr;  ///< a network's, as it gave it
 };
 
-/// Most likely first, none like another before it.
+/// Most likely first, none like another before it. The settled poses stand together against a network.
 std::vector<Ranked> ranked(const Work& work) {
   std::vector<Ranked> all;
   for (std::size_t i = 0; i < work.settled.poses.size(); ++i)
     all.push_back({settled_pose(work, i), work.settled.poses[i].T});
   for (const Reply& reply : work.replies) all.push_back({replied_pose(work, reply), reply.T, &reply});
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Ranked& a, const Ranked& b) { return a.pose.confidence > b.pose.confidence; });
+  const double surfaces = together(work.settled);
+  const auto first = [&](const Ranked& one) { return one.reply ? one.pose.confidence : surfaces; };
+  std::stable_sort(all.begin(), all.end(), [&](const Ranked& a, const Ranked& b) {
+    if (first(a) != first(b)) return first(a) > first(b);
+    return a.pose.confidence > b.pose.confidence;
+  });
   const Motion motion(work.level().source);
   std::vector<Ranked> some;
   for (Ranked& one : all) {
     const bool known = std::any_of(some.begin(), some.end(), [&](const Ranked& other) {
       return motion.between(one.centred, other.centred) <= distinct * work.level().source.resolution;
     });
-    if (!known) some.push_back(std::move(one));
+    if (known) continue;
+    // Nothing is likelier than what is returned first.
+    if (!some.empty()) one.pose.confidence = std::min(one.pose.confidence, some[0].pose.confidence);
+    some.push_back(std::move(one));
   }
   return some;
 }

@@ -66,22 +66,64 @@ std::string without_normals(const std::string& path) {
   return plain;
 }
 
-TEST_F(Assemble, TakesTheDefaultModelWhereThereAreNormals) {
-  const Finished finished = run(copy, {"--json", "-"});
-  EXPECT_EQ(finished.status, 0) << finished.err;
-  EXPECT_EQ(nlohmann::json::parse(finished.out)["model"], std::string(shipped_models().front().name));
+TEST_F(Assemble, WithoutAModelNeedsNoNormals) {
+  const PairFiles plain{without_normals(copy.source), without_normals(copy.reference), copy.truth};
+  for (const PairFiles& pair : {copy, plain}) {
+    const Finished finished = run(pair, {"--json", "-", "--truth", copy.truth});
+    ASSERT_EQ(finished.status, 0) << finished.err;
+    const auto json = nlohmann::json::parse(finished.out);
+    EXPECT_FALSE(json.contains("model"));
+    EXPECT_LE(json["errors"]["rotation_degrees"], 1);
+    EXPECT_GT(json["confidence"], 0.5);
+  }
 }
 
-TEST_F(Assemble, SaysThatItFallsBackWhereThereAreNone) {
-  const PairFiles plain{without_normals(copy.source), without_normals(copy.reference), copy.truth};
-  const Finished fallback = run(plain, {"--json", "-"});
-  EXPECT_EQ(fallback.status, 0);
-  EXPECT_THAT(fallback.err, HasSubstr("reads normals"));
-  EXPECT_THAT(fallback.err, HasSubstr("complete matching"));
-  const Finished asked = run(plain, {"--json", "-", "--complete-match"});
-  EXPECT_THAT(asked.err, Not(HasSubstr("reads normals")));
-  auto a = nlohmann::json::parse(fallback.out), b = nlohmann::json::parse(asked.out);
-  EXPECT_EQ(a["transform"], b["transform"]);
+TEST_F(Assemble, WithoutAModelAsksThoseThatShipWhereSurfacesCannotTell) {
+  const PairFiles halves = generate_files(folder, "aircraft", "1024", "20005");
+  const std::string json = folder.path("halves.json");
+  const Finished finished = run(halves, {"--json", json, "--truth", halves.truth});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  EXPECT_THAT(finished.out, HasSubstr("proposed    by aircraft"));
+  const auto result = read_json(json);
+  EXPECT_EQ(result["proposal"], "aircraft");
+  EXPECT_LE(result["errors"]["rotation_degrees"], 20);
+  EXPECT_EQ(result["within"]["rotation_degrees"], 20);
+}
+
+TEST_F(Assemble, JsonWithoutAModelHasTheKeysThatScriptsDependOn) {
+  const Finished finished = run(copy, {"--json", "-"});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const auto json = nlohmann::json::parse(finished.out);
+  for (const char* key :
+       {"transform", "rotation", "translation", "confidence", "within", "reasons", "evidence", "proposal",
+        "alternatives", "spacing", "resolution", "dropped", "backend", "device", "points", "restriction",
+        "diagnostics", "refinement", "timing_ms"})
+    EXPECT_TRUE(json.contains(key)) << key;
+  for (const char* key :
+       {"score", "overlap", "residual", "normals", "conflict", "slack", "margin", "support"})
+    EXPECT_TRUE(json["evidence"].contains(key)) << key;
+  EXPECT_TRUE(json["confidence"].is_number());
+  EXPECT_EQ(json["diagnostics"]["status"], "ok");
+  ASSERT_GT(json["alternatives"].size(), 0u);
+  for (const auto& other : json["alternatives"]) {
+    EXPECT_EQ(other["transform"].size(), 4u);
+    EXPECT_LE(other["confidence"], json["confidence"]);
+    EXPECT_TRUE(other.contains("proposal"));
+  }
+}
+
+TEST_F(Assemble, WhatOnlyANetworkUnderstandsNeedsOne) {
+  for (const std::vector<std::string>& option : {std::vector<std::string>{"--verify"},
+                                                 {"--no-confidence"},
+                                                 {"--as-defined"},
+                                                 {"--precision", "f64"},
+                                                 {"--mode", "reference"},
+                                                 {"--neighbors", "tree"},
+                                                 {"--profile", folder.path("trace.json")}}) {
+    const Finished finished = run(copy, option);
+    EXPECT_EQ(finished.status, 2) << option[0];
+    EXPECT_THAT(finished.err, HasSubstr(option[0] + ": is about one network")) << finished.err;
+  }
 }
 
 TEST_F(Assemble, TakesModelsByName) {
@@ -257,19 +299,23 @@ TEST_F(Assemble, StrictRefusesAPoseThatIsNotDetermined) {
 TEST_F(Assemble, SaysHowFarThePoseCanBeTrusted) {
   const PairFiles pair = generate_files(folder, "aircraft", "600", "4");
   const std::string first = folder.path("first.json"), again = folder.path("again.json");
-  const Finished finished = run(pair, {"--backend", "cpu", "--json", first});
+  const auto with = [&](std::vector<std::string> options, const std::string& json) {
+    options.insert(options.end(), {"--model", "aircraft", "--backend", "cpu", "--json", json});
+    return run(pair, options);
+  };
+  const Finished finished = with({}, first);
   ASSERT_EQ(finished.status, 0) << finished.err;
   EXPECT_THAT(finished.out, HasSubstr("confidence  "));
-  const auto confidence = read_json(first)["confidence"];
-  EXPECT_GT(confidence["value"], 0.5);
-  EXPECT_LE(confidence["value"], 1);
-  EXPECT_GT(confidence["evidence"]["rotation_spread"], 0);
-  EXPECT_TRUE(confidence["evidence"]["refined_by"].is_null());
-  ASSERT_EQ(run(pair, {"--backend", "cpu", "--threads", "1", "--refine", "--json", again}).status, 0);
+  const auto plain = read_json(first);
+  EXPECT_GT(plain["confidence"], 0.5);
+  EXPECT_LE(plain["confidence"], 1);
+  EXPECT_GT(plain["evidence"]["rotation_spread"], 0);
+  EXPECT_TRUE(plain["evidence"]["refined_by"].is_null());
+  ASSERT_EQ(with({"--threads", "1", "--refine"}, again).status, 0);
   const auto refined = read_json(again);
-  EXPECT_EQ(refined["confidence"]["evidence"]["rotation_spread"], confidence["evidence"]["rotation_spread"]);
-  EXPECT_NEAR(refined["confidence"]["evidence"]["score"], refined["refinement"]["score_after"], 1e-9);
-  ASSERT_EQ(run(pair, {"--backend", "cpu", "--no-confidence", "--json", again}).status, 0);
+  EXPECT_EQ(refined["evidence"]["rotation_spread"], plain["evidence"]["rotation_spread"]);
+  EXPECT_NEAR(refined["evidence"]["score"], refined["refinement"]["score_after"], 1e-9);
+  ASSERT_EQ(with({"--no-confidence"}, again).status, 0);
   EXPECT_TRUE(read_json(again)["confidence"].is_null());
   EXPECT_EQ(read_json(again)["transform"], read_json(first)["transform"]);
 }
@@ -278,6 +324,8 @@ TEST_F(Assemble, PoseIsTheMeanOfSeveralAnswers) {
   const PairFiles pair = generate_files(folder, "aircraft", "600", "4");
   const auto result = [&](std::vector<std::string> options) {
     const std::string json = folder.path("answers.json");
+    if (options.empty() || options[0] != "--complete-match")
+      options.insert(options.end(), {"--model", "aircraft"});
     options.insert(options.end(), {"--backend", "cpu", "--no-confidence", "--json", json});
     EXPECT_EQ(run(pair, options).status, 0);
     return read_json(json);
@@ -294,7 +342,10 @@ TEST_F(Assemble, PoseIsTheMeanOfSeveralAnswers) {
 
   // Swapped clouds have the inverse pose.
   const std::string json = folder.path("swapped.json");
-  ASSERT_EQ(run({pair.reference, pair.source, {}}, {"--backend", "cpu", "--json", json}).status, 0);
+  ASSERT_EQ(
+      run({pair.reference, pair.source, {}}, {"--model", "aircraft", "--backend", "cpu", "--json", json})
+          .status,
+      0);
   const Pose swapped = pose_of(read_json(json)["transform"]);
   EXPECT_LT(rotation_error_degrees(swapped.inverse(), pose_of(usual["transform"])), 0.05);
   EXPECT_LT(translation_error(swapped.inverse(), pose_of(usual["transform"])), 1e-3);

@@ -234,7 +234,8 @@ TEST(Eval, WhatIsWrongIsStatusTwoAndOneLine) {
       {{"--kind", "aircraft", "--json", folder.path("no/such.json")}, "its folder does not exist"},
       {{"--kind", "aircraft", "--csv", folder.path("no/such.csv")}, "its folder does not exist"},
       {{"--kind", "aircraft", "--csv", "-"}, "--csv"},
-      {{"--kind", "aircraft", "--csv", folder.path("a"), "--json", folder.path("a")}, "is the file of --csv too"},
+      {{"--kind", "aircraft", "--csv", folder.path("a"), "--json", folder.path("a")},
+       "is the file of --csv too"},
       {{garbage, "--kind", "aircraft", "--csv", garbage}, "would replace an input"},
   };
   for (const Case& c : cases) {

@@ -137,25 +137,49 @@ TEST(Solve, SameBitsOnAnyNumberOfThreadsAndAmongOtherPairs) {
 }
 
 TEST(Solve, NetworksProposeToo) {
-  const GeneratedPair whole = aircraft(6, 0.6);
-  const Device device = cpu_device(2);
-  const auto model = shipped_model("aircraft");
-  ASSERT_TRUE(model);
-  auto plan = make_plan(device, *model, {.pairs = 1, .points = 2048});
-  ASSERT_TRUE(plan);
-  Plan* const plans[] = {&*plan};
-  const Solution solution =
-      solved({whole.source, whole.reference}, 2, {.networks = plans, .geometry = false});
+  // No surface is in both.
+  const GeneratedPair halves = *generate_pair(
+      "aircraft",
+      {.points = 1024, .noise = 0.005, .seed = 20005, .protocol = Protocol::opposed, .share = 0.5});
+  const CloudPair pair{halves.source, halves.reference};
+  const Solution solution = solved(pair);
   EXPECT_EQ(solution.best.proposal, "aircraft");
-  // Settled: nearer than the network's own answer.
-  EXPECT_LE(rotation_error_degrees(solution.best.T_reference_source, whole.T_reference_source), 3);
-  // A plan that is too small has no answer, and is no error.
-  auto small = make_plan(device, *model, {.pairs = 1, .points = 300});
-  ASSERT_TRUE(small);
-  Plan* const smaller[] = {&*small};
-  EXPECT_EQ(
-      solved({whole.source, whole.reference}, 2, {.networks = smaller, .geometry = false}).best.confidence,
-      0);
+  EXPECT_EQ(solution.best.within_degrees, 20);
+  EXPECT_GE(solution.best.confidence, 0.5);
+  EXPECT_LE(rotation_error_degrees(solution.best.T_reference_source, halves.T_reference_source), 10);
+  // The same halves folded onto each other, which their surfaces alone would take.
+  const Solution blind = solved(pair, 2, {.models = std::vector<Model>()});
+  EXPECT_NE(blind.best.proposal, "aircraft");
+  EXPECT_GT(rotation_error_degrees(blind.best.T_reference_source, halves.T_reference_source), 90);
+  // Nothing to read, nothing to say.
+  const Solution nobody = solved(pair, 2, {.models = std::vector<Model>(), .geometry = false});
+  EXPECT_EQ(nobody.best.confidence, 0);
+  EXPECT_TRUE(nobody.alternatives.empty());
+}
+
+TEST(Solve, GuessedNormalsMakeNoNetworkSure) {
+  GeneratedPair halves = *generate_pair(
+      "aircraft",
+      {.points = 1024, .noise = 0.005, .seed = 20006, .protocol = Protocol::opposed, .share = 0.5});
+  halves.source.normals.clear();
+  halves.reference.normals.clear();
+  const Solution solution = solved({halves.source, halves.reference}, 2, {.geometry = false});
+  EXPECT_LT(solution.best.confidence, sure);
+  EXPECT_THAT(solution.reasons, testing::Contains(testing::HasSubstr("signs are guessed")));
+}
+
+TEST(Solve, RestrictionTakesEveryPoseToTheFamily) {
+  const Scene scene = overlapping_hills(3);
+  const Restriction upright{.axis = Vec3d{0, 0, 1}};
+  const Solution free = solved(scene.pair()), held = solved(scene.pair(), 2, {.restriction = upright});
+  ASSERT_TRUE(held.restricted);
+  for (int a = 0; a < 3; ++a) EXPECT_NEAR(held.best.T_reference_source.rotation[6 + a], a == 2, 1e-12);
+  EXPECT_LE(held.best.confidence, free.best.confidence);
+  // A pose of the family stays what it is.
+  const Scene turned{scene.source, moved(scene.reference, scene.truth.inverse()), {}};
+  const Solution same = solved(turned.pair(), 2, {.restriction = upright});
+  EXPECT_LE(rotation_error_degrees(same.best.T_reference_source, {}), 0.5);
+  EXPECT_GE(same.best.confidence, sure);
 }
 
 TEST(Solve, RowsThatAreNotFiniteAreLeftOut) {
