@@ -151,9 +151,10 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
       [&choice, judge_unless_told] { choice.confidence = !judge_unless_told; },
       judge_unless_told ? "Do not estimate how far the pose can be trusted"
                         : "Estimate how far each pose can be trusted");
-  auto* strict = app.add_flag("--strict", choice.strict,
-                              "Refuse a pose that is not determined, or has less confidence than "
-                              "--least-confidence");
+  auto* strict = app.add_flag(
+      "--strict", choice.strict,
+      "Refuse a pose that is not determined, or has less confidence than --least-confidence, and clouds "
+      "with points that are not finite, which are left out otherwise");
   if (judge_unless_told) strict->excludes("--no-confidence");
   app.add_option("--least-confidence", choice.least_confidence, "What --strict asks for, 0 … 1")
       ->needs(strict)
@@ -235,11 +236,14 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
 Result<std::vector<Answer>> solve_pairs(const Device& device, std::span<const InputPair> pairs,
                                         const AnswerOptions& options) {
   std::vector<CloudPair> clouds;
-  for (const InputPair& pair : pairs) clouds.push_back({pair.source.cloud, pair.reference.cloud});
+  for (const InputPair& pair : pairs) clouds.push_back(pair.whole());
   auto solutions = solve(device, clouds, {.answers = options.answers, .restriction = options.restriction});
   if (!solutions) return tl::unexpected(solutions.error());
   std::vector<Answer> answers;
-  for (Solution& solution : *solutions) {
+  for (std::size_t i = 0; i < solutions->size(); ++i) {
+    Solution& solution = (*solutions)[i];
+    solution.source_dropped += pairs[i].source.holes;
+    solution.reference_dropped += pairs[i].reference.holes;
     Answer answer;
     const SolvedPose& best = solution.best;
     answer.assembly.T_reference_source = best.T_reference_source;

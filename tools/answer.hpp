@@ -65,6 +65,7 @@ struct Answer {
 struct InputPair {
   const CloudInput &source, &reference;
   CloudPair used() const { return {source.used, reference.used}; }
+  CloudPair whole() const { return {source.cloud, reference.cloud, source.viewpoint, reference.viewpoint}; }
 };
 
 /// One network's: it sees the points chosen for it, refinement all of them. Errors as of assemble(), refine_poses() and

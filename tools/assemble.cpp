@@ -24,6 +24,7 @@ namespace {
 struct Options {
   std::string source, reference, output, applied, pose, image, view, json, truth;
   bool verify = false;
+  std::optional<Vec3d> viewpoint, source_viewpoint, reference_viewpoint;
   ModelChoice model;
   CloudOptions clouds;
   AnswerChoice answer;
@@ -138,6 +139,8 @@ int finish(const Options& options, const ReadPair& job, const AssemblyReport& re
   clear_progress();
   // With JSON on standard output, text for people goes to standard error.
   print(report, options.json == "-" ? stderr : stdout);
+  for (const CloudInput* input : {&job.source, &job.reference})
+    if (input->holes > 0 && !report.answer.solution) warn_of_holes(*input);
   const Assembly& assembly = report.answer.assembly;
   if (assembly.status == Status::failed)
     return complain(run_failed, job.which + "a number is not finite; nothing was written");
@@ -179,6 +182,7 @@ int run_network(const Options& options, ReadPair& job, AnswerOptions& how, Assem
   how.complete_match = options.model.complete_match;
   how.swap_residual = true;
   for (CloudInput* input : {&job.source, &job.reference}) {
+    if (const auto checked = check_normals(*input, *model); !checked) return complain(checked.error());
     choose_points(*input, options.clouds, *model);
     warn_of_few_points(*input, *model);
   }
@@ -223,10 +227,14 @@ int run(Options& options) {
   set_at_hand("source " + options.source + ", reference " + options.reference);
   show_progress("reading");
   const Stopwatch total;
+  options.clouds.strict = options.answer.strict;
   auto source = read_input(options.source, options.clouds);
   if (!source) return complain(source.error());
   auto reference = read_input(options.reference, options.clouds);
   if (!reference) return complain(reference.error());
+  if (options.viewpoint) source->viewpoint = reference->viewpoint = options.viewpoint;
+  if (options.source_viewpoint) source->viewpoint = options.source_viewpoint;
+  if (options.reference_viewpoint) reference->viewpoint = options.reference_viewpoint;
   ReadPair job{std::move(*source), std::move(*reference), at_hand()};
   AssemblyReport report;
   report.truth = *truth;
@@ -252,6 +260,11 @@ Command add_assemble(CLI::App& root) {
   add_json(*app, options->json);
   add_model_options(*app, options->model, options->run.plan.mode);
   add_cloud_options(*app, options->clouds);
+  add_vector(*app, "--viewpoint", options->viewpoint,
+             "Where the sensor stood, in the frame of its cloud: estimated normals point there; as a PCD's "
+             "VIEWPOINT, for both clouds");
+  add_vector(*app, "--source-viewpoint", options->source_viewpoint, "The same for the source alone");
+  add_vector(*app, "--reference-viewpoint", options->reference_viewpoint, "The same for the reference alone");
   add_run_options(*app, options->run);
   add_answer_options(*app, options->answer, true);
   app->add_option("--truth", options->truth, "Compare with the true pose in this JSON file")

@@ -123,7 +123,11 @@ class Jobs {
          {std::pair(&job.entry.source, &job.source), {&job.entry.reference, &job.reference}}) {
       auto made = read_input(*path, options_.clouds);
       if (!made) return void(job.problem = made.error().message);
-      if (model_) choose_points(*made, options_.clouds, *model_);
+      if (model_) {
+        if (const auto checked = check_normals(*made, *model_); !checked)
+          return void(job.problem = checked.error().message);
+        choose_points(*made, options_.clouds, *model_);
+      }
       *input = std::move(*made);
     }
   }
@@ -434,6 +438,7 @@ Result<std::vector<Model>> models_of(const BatchCommandOptions& options) {
 }
 
 int run_checked(BatchCommandOptions& options) {
+  options.clouds.strict = options.answer.strict;
   // Who chooses among answers has judged them.
   if (!names_network(options.model)) options.answer.confidence = true;
   auto how = answer_options(options.answer);

@@ -18,9 +18,29 @@ Result<CloudInput> read_input(const std::string& path, const CloudOptions& optio
   io::ReadOptions read;
   read.seed = options.seed;
   if (options.points) read.mesh_points = *options.points;
-  auto cloud = io::read_cloud(path, read);
-  if (!cloud) return tl::unexpected(cloud.error());
-  return CloudInput{path, std::move(*cloud), {}};
+  read.strict = options.strict;
+  auto scan = io::read_scan(path, read);
+  if (!scan) return tl::unexpected(scan.error());
+  CloudInput input;
+  input.path = path;
+  input.cloud = std::move(scan->cloud);
+  input.holes = scan->holes;
+  input.bare = scan->bare;
+  input.viewpoint = scan->viewpoint;
+  return input;
+}
+
+void warn_of_holes(const CloudInput& input) {
+  warn(input.path + ": " + std::to_string(input.holes) + (input.holes == 1 ? " point is" : " points are") +
+       " not finite and left out");
+}
+
+Result<void> check_normals(const CloudInput& input, const Model& model) {
+  if (input.bare == 0 || !model.config().return_normals) return {};
+  return fail(ErrorCode::bad_file, input.path + ": " + std::to_string(input.bare) + " of " +
+                                       std::to_string(input.cloud.size()) +
+                                       " points have no normal, which model " + model.name() +
+                                       " reads; without --model they are estimated");
 }
 
 void choose_points(CloudInput& input, const CloudOptions& options, const Model& model) {

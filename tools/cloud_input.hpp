@@ -14,19 +14,26 @@ namespace bitr::tool {
 struct CloudOptions {
   std::optional<std::uint64_t> points;
   std::uint64_t seed = 0;
+  bool strict = false;  ///< holes are refused
 };
 /// --points, --seed
 void add_cloud_options(CLI::App& app, CloudOptions& options);
 
 struct CloudInput {
   std::string path;
-  PointCloud cloud;  ///< as read; a mesh is sampled
-  PointCloud used;   ///< what the network sees
+  PointCloud cloud;                     ///< as read; a mesh is sampled
+  std::size_t holes = 0, bare = 0;      ///< see io::Scan
+  std::optional<Vec3d> viewpoint = {};  ///< the file's, or what was said
+  PointCloud used;                      ///< what the network sees
 };
 
 /// `used` is empty yet. Errors as of io::read_cloud.
 Result<CloudInput> read_input(const std::string& path, const CloudOptions& options);
 
+/// For commands whose report does not count them.
+void warn_of_holes(const CloudInput& input);
+/// `bad_file` when some points have no normal, and the model reads normals.
+Result<void> check_normals(const CloudInput& input, const Model& model);
 /// Fills `used`: as many points as asked for, or as the model was trained on.
 void choose_points(CloudInput& input, const CloudOptions& options, const Model& model);
 /// Whether the model was trained on larger clouds.

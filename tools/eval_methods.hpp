@@ -61,7 +61,7 @@ struct Estimation {
 struct Estimate {
   std::vector<Pose> poses;
   std::vector<std::optional<NetworkEvidence>> evidence = {};  ///< see Estimation::answers; else empty
-  std::vector<Confidence> confidences = {};  ///< that the method gave itself; else empty
+  std::vector<Confidence> confidences = {};                   ///< that the method gave itself; else empty
   double beside_milliseconds = 0;                             ///< that making a plan took
 };
 Result<Estimate> estimate(Method& method, std::span<const DataSample> batch, const Estimation& how);

@@ -1,8 +1,17 @@
 #include "joined_cloud.hpp"
 
+#include <algorithm>
 #include <bitr/picture.hpp>
 
 namespace bitr::tool {
+
+namespace {
+
+bool has_normals(const PointCloud& cloud) {
+  return !cloud.normals.empty() && std::ranges::find(cloud.normals, Vec3f{}) == cloud.normals.end();
+}
+
+}  // namespace
 
 PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
                         const Pose& T_reference_source) {
@@ -11,7 +20,7 @@ PointCloud joined_cloud(const PointCloud& source, const PointCloud& reference,
   for (const Vec3d& point : source.positions) joined.positions.push_back(T_reference_source.apply(point));
   joined.positions.insert(joined.positions.end(), reference.positions.begin(), reference.positions.end());
 
-  if (!source.normals.empty() && !reference.normals.empty()) {
+  if (has_normals(source) && has_normals(reference)) {
     for (const Vec3f& normal : source.normals) {
       const Vec3d turned = T_reference_source.rotate({normal[0], normal[1], normal[2]});
       joined.normals.push_back(

@@ -3,7 +3,10 @@
 #include <CLI/CLI.hpp>
 #include <bitr/io.hpp>
 #include <charconv>
+#include <cmath>
 #include <limits>
+
+#include "io/lines.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -39,6 +42,32 @@ Result<void> needs_network(const std::string& option) {
 
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& description) {
   return parent.add_subcommand(name, description);
+}
+
+bool parse_vector(const std::string& text, Vec3d& vector) {
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t end = i < 2 ? text.find(',', at) : text.size();
+    if (end == std::string::npos || !io::parse_number(text.substr(at, end - at), vector[i])) return false;
+    if (!(std::abs(vector[i]) <= 1e100)) return false;
+    at = end + 1;
+  }
+  return true;
+}
+
+CLI::Option* add_vector(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
+                        const std::string& description) {
+  return app
+      .add_option_function<std::string>(
+          name,
+          [name, &value](const std::string& text) {
+            Vec3d vector{};
+            if (!parse_vector(text, vector))
+              throw CLI::ValidationError(name, "\"" + text + "\" is not three numbers such as 0,0,1.5");
+            value = vector;
+          },
+          description)
+      ->type_name("X,Y,Z");
 }
 
 CLI::Option* add_words(CLI::App& app, const std::string& name, const std::string& words,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bitr/assemble.hpp>
+#include <bitr/cloud.hpp>
 #include <bitr/generate.hpp>
 #include <bitr/model.hpp>
 #include <cstdint>
@@ -31,6 +32,11 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, std::optional<std
                        std::uint64_t low, std::uint64_t high, const std::string& description);
 CLI::Option* add_seed(CLI::App& app, const std::string& name, std::uint64_t& value,
                       const std::string& description);
+
+/// Three numbers with commas between them, none beyond 1e100; false for anything else.
+bool parse_vector(const std::string& text, Vec3d& vector);
+CLI::Option* add_vector(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
+                        const std::string& description);
 
 /// An option with a fixed set of words, shown with | between them; `parse` says whether it knows the one given.
 CLI::Option* add_words(CLI::App& app, const std::string& name, const std::string& words,

@@ -34,6 +34,11 @@ struct RefineCommandOptions {
 Result<PointCloud> read(const std::string& path, const CloudOptions& options) {
   auto input = read_input(path, options);
   if (!input) return tl::unexpected(input.error());
+  if (input->holes > 0) warn_of_holes(*input);
+  if (input->bare > 0) {
+    warn(path + ": " + std::to_string(input->bare) + " points have no normal; none is used");
+    input->cloud.normals.clear();
+  }
   return options.points ? io::subsample(input->cloud, *options.points, options.seed)
                         : std::move(input->cloud);
 }

@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 
-#include "io/lines.hpp"
+#include "options.hpp"
 
 namespace bitr::tool {
 namespace {
@@ -14,14 +14,7 @@ Vec3d parse_axis(const std::string& text) {
     axis[static_cast<std::size_t>(text[0] - 'x')] = 1;
     return axis;
   }
-  bool good = true;
-  std::size_t at = 0;
-  for (std::size_t i = 0; i < 3 && good; ++i) {
-    const std::size_t end = i < 2 ? text.find(',', at) : text.size();
-    good = end != std::string::npos && io::parse_number(text.substr(at, end - at), axis[i]) &&
-           std::abs(axis[i]) <= 1e100;
-    at = end + 1;
-  }
+  const bool good = parse_vector(text, axis);
   const double length = std::hypot(axis[0], axis[1], axis[2]);
   if (!good || !(length >= 1e-100))
     throw CLI::ValidationError("--yaw-only", "\"" + text +

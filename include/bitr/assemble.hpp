@@ -22,6 +22,8 @@ namespace bitr {
 struct CloudPair {
   CloudView source;
   CloudView reference;
+  /// Where the sensor stood, in the frame of its cloud, if it is known: estimated normals point there. For solve() alone.
+  std::optional<Vec3d> source_viewpoint = {}, reference_viewpoint = {};
 };
 
 enum class Precision { f32, f64 };

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -25,9 +26,10 @@ namespace bitr::io {
 ///                   six columns are x y z and a unit normal; other numbers of columns say nothing
 ///   .npy  N×3, or N×6 (positions, unit normals); little-endian f4 or f8, C order
 ///   .obj .off .stl  meshes; equal corners of an STL are one vertex
-/// In all of them polygons become fans of triangles. Coordinates, normals and colours must be finite. Normals
-/// are scaled to unit length; a cloud whose normals are all zero has none, and one zero among others is
-/// refused. Integer colours are scaled to [0, 1], floating-point ones too if any is above 1.
+/// In all of them polygons become fans of triangles. Points with a coordinate that is not finite are holes, as cameras
+/// and lidars mark what they did not see: they are left out and counted, but for the vertices of a mesh, which are
+/// refused. Colours must be finite. Normals are scaled to unit length; a cloud whose normals are all zero has none, and
+/// one that is zero or not finite among others is refused unless a Scan is asked for. Integer colours are scaled to [0, 1], floating-point ones too if any is above 1.
 enum class CloudFormat { ply, pcd, text, npy, obj, off, stl };
 
 /// `unsupported` when the extension is not one of the above.
@@ -35,25 +37,39 @@ Result<CloudFormat> cloud_format(const std::filesystem::path& path);
 
 /// What a file holds: a cloud, or (when it has faces) a mesh.
 struct Geometry {
-  PointCloud cloud;  ///< the points; for a mesh, its vertices
-  Mesh mesh;         ///< empty triangles when the file has no faces
+  PointCloud cloud;                     ///< the points; for a mesh, its vertices
+  Mesh mesh;                            ///< empty triangles when the file has no faces
+  std::size_t holes = 0;                ///< points that were left out
+  std::size_t bare = 0;                 ///< points without a normal, which is zero, where others have one
+  std::optional<Vec3d> viewpoint = {};  ///< where the sensor stood, if the file says so (a PCD's VIEWPOINT)
   bool is_mesh() const { return !mesh.triangles.empty(); }
 };
 
 struct ReadOptions {
+  bool strict = false;             ///< refuse holes: `bad_file` names the first one
   std::size_t mesh_points = 2048;  ///< points to sample when the file is a mesh
   std::uint64_t seed = 0;          ///< seed of that sampling
 };
 
-/// Parses bytes already in memory; `name` only labels errors. `bad_file` when they are malformed, hold NaN or
-/// infinity (organised scans mark holes so) or no point at all; `unsupported` for a variant not listed above.
-Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format, std::string_view name);
+/// Parses bytes already in memory; `name` only labels errors. `bad_file` when they are malformed or have no point but
+/// holes; `unsupported` for a variant not listed above.
+Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format, std::string_view name,
+                                const ReadOptions& options = {});
 
 /// Reads a whole file. `io` when it cannot be opened or read, else as parse_geometry.
-Result<Geometry> read_geometry(const std::filesystem::path& path);
+Result<Geometry> read_geometry(const std::filesystem::path& path, const ReadOptions& options = {});
 
 /// Reads a cloud; a mesh is sampled uniformly by area (see sample_mesh).
 Result<PointCloud> read_cloud(const std::filesystem::path& path, const ReadOptions& options = {});
+
+/// A cloud with what its file says besides, for solve(), which can do without some of the normals.
+struct Scan {
+  PointCloud cloud;                     ///< normals may be zero
+  std::size_t holes = 0, bare = 0;      ///< see Geometry
+  std::optional<Vec3d> viewpoint = {};  ///< see Geometry
+};
+/// As read_cloud, but a normal may be missing.
+Result<Scan> read_scan(const std::filesystem::path& path, const ReadOptions& options = {});
 
 /// `count` independent points, uniform by area over the mesh, with unit face normals. Same seed, same points;
 /// a mesh moved rigidly gives the same points, moved. `invalid_argument` when the mesh has no area, a

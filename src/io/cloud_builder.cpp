@@ -40,12 +40,7 @@ void CloudBuilder::reserve(std::size_t count) {
 }
 
 Result<void> CloudBuilder::add(const Row& row, Place place) {
-  for (int i = 0; i < 3; ++i) {
-    if (!std::isfinite(row[i])) {
-      return bad(file_, place, "point ", size(), ": ", std::string_view("xyz").substr(i, 1), " is ", row[i],
-                 "; coordinates must be finite");
-    }
-  }
+  if (!std::isfinite(row[0]) || !std::isfinite(row[1]) || !std::isfinite(row[2])) return add_hole(row, place);
   if (normals_) {
     if (auto added = add_normal(row, place); !added) return added;
   }
@@ -54,7 +49,7 @@ Result<void> CloudBuilder::add(const Row& row, Place place) {
     for (int i = 0; i < 3; ++i) {
       const double value = row[role_red + i];
       if (!(std::abs(value) <= std::numeric_limits<float>::max())) {
-        return bad(file_, place, "point ", size(), ": a colour is ", value, "; colours must be finite");
+        return bad(file_, place, "point ", this->row(), ": a colour is ", value, "; colours must be finite");
       }
       color[i] = static_cast<float>(value);
       largest_color_ = std::max(largest_color_, color[i]);
@@ -65,27 +60,43 @@ Result<void> CloudBuilder::add(const Row& row, Place place) {
   return file_.mover ? file_.mover->end_row(file_, place) : Result<void>();
 }
 
+Result<void> CloudBuilder::add_hole(const Row& row, Place place) {
+  if (holes_ == 0) {
+    int i = 0;
+    while (std::isfinite(row[i])) ++i;
+    first_hole_ = text("point ", this->row(), ": ", std::string_view("xyz").substr(i, 1), " is ", row[i],
+                       "; coordinates must be finite");
+    first_hole_place_ = place;
+  }
+  if (file_.strict) return bad(file_, place, first_hole_);
+  ++holes_;
+  if (file_.mover) file_.mover->leave_row();
+  return {};
+}
+
+void CloudBuilder::add_bare(Place place) {
+  if (bare_++ == 0) {
+    first_bare_ = row();
+    first_bare_place_ = place;
+  }
+  cloud_.normals.push_back({0, 0, 0});
+}
+
 Result<void> CloudBuilder::add_normal(const Row& row, Place place) {
   const double nx = row[role_nx], ny = row[role_nx + 1], nz = row[role_nx + 2];
   const double largest = std::max({std::abs(nx), std::abs(ny), std::abs(nz)});
-  if (!std::isfinite(nx) || !std::isfinite(ny) || !std::isfinite(nz)) {
-    return bad(file_, place, "point ", size(), ": the normal is (", nx, ", ", ny, ", ", nz,
+  const bool finite = std::isfinite(nx) && std::isfinite(ny) && std::isfinite(nz);
+  if (!finite && !file_.bare_points) {
+    return bad(file_, place, "point ", this->row(), ": the normal is (", nx, ", ", ny, ", ", nz,
                "); it must be finite");
   }
-  if (largest == 0) {
-    if (!std::exchange(zero_normal_, true)) {
-      first_zero_ = size();
-      first_zero_place_ = place;
-    }
-    cloud_.normals.push_back({0, 0, 0});
-    return {};
-  }
+  if (!finite || largest == 0) return add_bare(place), Result<void>();
   nonzero_normal_ = true;
   // Scaled before squaring, so that neither tiny nor huge normals lose their direction.
   const double x = nx / largest, y = ny / largest, z = nz / largest;
   const double scaled = std::sqrt(x * x + y * y + z * z), length = scaled * largest;
   if (columns_ == NormalColumns::assumed && !(std::abs(length - 1) <= 0.1)) {
-    return bad(file_, place, "point ", size(), ": columns 4 to 6 have length ", length,
+    return bad(file_, place, "point ", this->row(), ": columns 4 to 6 have length ", length,
                ", so they are not unit normals; a header line such as x,y,z,r,g,b says what they are");
   }
   // A normal that is unit to a float's precision keeps its bits: what was written is what is read.
@@ -95,11 +106,18 @@ Result<void> CloudBuilder::add_normal(const Row& row, Place place) {
   return {};
 }
 
-Result<PointCloud> CloudBuilder::finish() {
-  if (cloud_.positions.empty()) return refuse(ErrorCode::bad_file, file_, "no points");
-  if (!nonzero_normal_) cloud_.normals.clear();
-  if (nonzero_normal_ && zero_normal_) {
-    return bad(file_, first_zero_place_, "point ", first_zero_,
+Result<Geometry> CloudBuilder::finish(std::vector<std::array<std::uint32_t, 3>> triangles) {
+  if (holes_ > 0 && !triangles.empty()) return bad(file_, first_hole_place_, first_hole_);
+  if (cloud_.positions.empty()) {
+    if (holes_ == 0) return refuse(ErrorCode::bad_file, file_, "no points");
+    return refuse(ErrorCode::bad_file, file_, "none of ", holes_, " points is finite");
+  }
+  if (!nonzero_normal_) {
+    cloud_.normals.clear();
+    bare_ = 0;
+  }
+  if (bare_ > 0 && !file_.bare_points) {
+    return bad(file_, first_bare_place_, "point ", first_bare_,
                ": the normal is zero; a file gives every point a normal or none");
   }
   // Floating-point colours are in [0, 1] or in [0, 255]; the largest tells which.
@@ -107,11 +125,10 @@ Result<PointCloud> CloudBuilder::finish() {
   for (Vec3f& color : cloud_.colors) {
     for (float& channel : color) channel = std::clamp(channel * scale, 0.0f, 1.0f);
   }
-  return std::move(cloud_);
-}
-
-Geometry assemble_geometry(PointCloud cloud, std::vector<std::array<std::uint32_t, 3>> triangles) {
-  Geometry geometry{std::move(cloud), {}};
+  Geometry geometry;
+  geometry.holes = holes_;
+  geometry.bare = bare_;
+  geometry.cloud = std::move(cloud_);
   if (!triangles.empty()) geometry.mesh = {geometry.cloud.positions, std::move(triangles)};
   return geometry;
 }

@@ -38,8 +38,7 @@ class Roles {
 /// Whether normals come from columns whose names say so, or only from their position in the row.
 enum class NormalColumns { named, assumed };
 
-/// Collects rows into a cloud and names the row it refuses: coordinates, normals and colours are finite, and
-/// normals are zero everywhere (then the cloud has none) or nowhere.
+/// Collects rows into a cloud and names the row it refuses; see io.hpp for what becomes of holes and missing normals.
 class CloudBuilder {
  public:
   CloudBuilder(const File& file, bool normals, bool colors, NormalColumns columns = NormalColumns::named);
@@ -47,20 +46,25 @@ class CloudBuilder {
   /// Expected rows. The caller has checked `count` against the bytes that are there.
   void reserve(std::size_t count);
   Result<void> add(const Row& row, Place place);
-  std::size_t size() const { return cloud_.size(); }
-  /// `bad_file` when there was no point at all.
-  Result<PointCloud> finish();
+  /// The cloud alone, or with triangles the mesh over its points. `bad_file` when there was no point, or a triangle's
+  /// vertex could be a hole.
+  Result<Geometry> finish(std::vector<std::array<std::uint32_t, 3>> triangles = {});
 
  private:
   Result<void> add_normal(const Row& row, Place place);
+  Result<void> add_hole(const Row& row, Place place);
+  void add_bare(Place place);
+  std::size_t row() const { return cloud_.size() + holes_; }
 
   const File& file_;
   bool normals_, colors_;
   NormalColumns columns_;
   PointCloud cloud_;
-  bool nonzero_normal_ = false, zero_normal_ = false;
-  std::size_t first_zero_ = 0;
-  Place first_zero_place_;
+  bool nonzero_normal_ = false;
+  std::size_t holes_ = 0, bare_ = 0, first_bare_ = 0;
+  Place first_bare_place_;
+  std::string first_hole_;  ///< what is wrong with it
+  Place first_hole_place_;
   float largest_color_ = 0;
 };
 
@@ -81,8 +85,5 @@ class FanBuilder {
   std::uint32_t first_ = 0, last_ = 0;
   std::size_t corners_ = 0;
 };
-
-/// The cloud alone, or with triangles the mesh over its points.
-Geometry assemble_geometry(PointCloud cloud, std::vector<std::array<std::uint32_t, 3>> triangles);
 
 }  // namespace bitr::io

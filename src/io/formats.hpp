@@ -16,7 +16,9 @@ class Mover;
 struct File {
   std::span<const std::byte> bytes;
   std::string_view name;
-  Mover* mover = nullptr;  ///< to be told where points and normals stand, if there is one
+  Mover* mover = nullptr;    ///< to be told where points and normals stand, if there is one
+  bool strict = false;       ///< holes are refused
+  bool bare_points = false;  ///< some points may have no normal where others have one
 
   std::string_view text() const { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 };

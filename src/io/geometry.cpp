@@ -52,30 +52,65 @@ Result<Geometry> parse_file(const File& file, CloudFormat format) {
   return refuse(ErrorCode::unsupported, file, "format ", static_cast<int>(format), " is none of CloudFormat");
 }
 
-Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format,
-                                std::string_view name) try {
-  return parse_file({bytes, name}, format);
+namespace {
+
+Result<Geometry> parse_within_memory(const File& file, CloudFormat format) try {
+  return parse_file(file, format);
 } catch (const std::bad_alloc&) {
-  return fail(ErrorCode::io, text(label(name), ": too large for this machine's memory"));
+  return fail(ErrorCode::io, text(label(file.name), ": too large for this machine's memory"));
 } catch (const std::length_error&) {
-  return fail(ErrorCode::io, text(label(name), ": too large for this machine's memory"));
+  return fail(ErrorCode::io, text(label(file.name), ": too large for this machine's memory"));
 }
 
-Result<Geometry> read_geometry(const std::filesystem::path& path) {
+Result<Geometry> read(const std::filesystem::path& path, const ReadOptions& options, bool bare_points) {
   const auto format = cloud_format(path);
   if (!format) return tl::unexpected(format.error());
   const auto bytes = read_file(path);
   if (!bytes) return tl::unexpected(bytes.error());
-  return parse_geometry(*bytes, *format, path.native());
+  return parse_within_memory(
+      {.bytes = *bytes, .name = path.native(), .strict = options.strict, .bare_points = bare_points},
+      *format);
+}
+
+Result<Scan> scan_of(Geometry geometry, const std::filesystem::path& path, const ReadOptions& options) {
+  Scan scan;
+  scan.holes = geometry.holes;
+  scan.bare = geometry.bare;
+  scan.viewpoint = geometry.viewpoint;
+  if (!geometry.is_mesh()) {
+    scan.cloud = std::move(geometry.cloud);
+    return scan;
+  }
+  auto cloud = sample_mesh(geometry.mesh, options.mesh_points, options.seed);
+  if (!cloud) return fail(cloud.error().code, text(label(path.native()), ": ", cloud.error().message));
+  scan.cloud = std::move(*cloud);
+  scan.bare = 0;
+  return scan;
+}
+
+}  // namespace
+
+Result<Geometry> parse_geometry(std::span<const std::byte> bytes, CloudFormat format, std::string_view name,
+                                const ReadOptions& options) {
+  return parse_within_memory({.bytes = bytes, .name = name, .strict = options.strict}, format);
+}
+
+Result<Geometry> read_geometry(const std::filesystem::path& path, const ReadOptions& options) {
+  return read(path, options, false);
+}
+
+Result<Scan> read_scan(const std::filesystem::path& path, const ReadOptions& options) {
+  auto geometry = read(path, options, true);
+  if (!geometry) return tl::unexpected(geometry.error());
+  return scan_of(std::move(*geometry), path, options);
 }
 
 Result<PointCloud> read_cloud(const std::filesystem::path& path, const ReadOptions& options) {
-  auto geometry = read_geometry(path);
+  auto geometry = read(path, options, false);
   if (!geometry) return tl::unexpected(geometry.error());
-  if (!geometry->is_mesh()) return std::move(geometry->cloud);
-  auto cloud = sample_mesh(geometry->mesh, options.mesh_points, options.seed);
-  if (!cloud) cloud.error().message = text(label(path.native()), ": ", cloud.error().message);
-  return cloud;
+  auto scan = scan_of(std::move(*geometry), path, options);
+  if (!scan) return tl::unexpected(scan.error());
+  return std::move(scan->cloud);
 }
 
 Result<std::vector<std::byte>> ply_file(const std::filesystem::path& path, const PointCloud& cloud,

@@ -25,7 +25,7 @@ Result<std::vector<std::byte>> moved_file(const std::filesystem::path& in, const
 Result<std::vector<std::byte>> moved_geometry(std::span<const std::byte> bytes, CloudFormat format,
                                               std::string_view name, const Pose& T) try {
   Mover mover(bytes, T);
-  const auto read = parse_file({bytes, name, &mover}, format);
+  const auto read = parse_file({.bytes = bytes, .name = name, .mover = &mover, .bare_points = true}, format);
   if (!read) return tl::unexpected(read.error());
   return mover.finish();
 } catch (const std::bad_alloc&) {

@@ -24,6 +24,9 @@ class Mover {
   /// beyond its type.
   Result<void> end_row(const File& file, Place place);
 
+  /// Leaves what was said of the point as it is.
+  void leave_row() { slots_ = {}; }
+
   /// From now on numbers stand in this memory, and are changed there.
   void work_in(std::span<std::byte> memory) { memory_ = memory; }
   /// Everything so far, then these bytes instead of those of the file up to `end`.

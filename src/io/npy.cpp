@@ -144,9 +144,7 @@ Result<Geometry> parse_npy(const File& file) {
     }
     if (auto added = builder.add(row, Place::byte(at)); !added) return tl::unexpected(added.error());
   }
-  auto cloud = builder.finish();
-  if (!cloud) return tl::unexpected(cloud.error());
-  return assemble_geometry(std::move(*cloud), {});
+  return builder.finish();
 }
 
 }  // namespace bitr::io

@@ -122,9 +122,7 @@ class Parser {
       if (auto added = builder.add(row, Place::line(positions_[i].line)); !added)
         return tl::unexpected(added.error());
     }
-    auto cloud = builder.finish();
-    if (!cloud) return tl::unexpected(cloud.error());
-    return assemble_geometry(std::move(*cloud), std::move(triangles));
+    return builder.finish(std::move(triangles));
   }
 
   const File& file_;

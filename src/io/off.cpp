@@ -42,9 +42,7 @@ class Parser {
       if (!next(line)) return bad(file_, here(), "the file ends after ", i, " of ", faces, " faces");
       if (auto read = face(line, vertices); !read) return tl::unexpected(read.error());
     }
-    auto cloud = builder.finish();
-    if (!cloud) return tl::unexpected(cloud.error());
-    return assemble_geometry(std::move(*cloud), faces_.finish());
+    return builder.finish(faces_.finish());
   }
 
  private:

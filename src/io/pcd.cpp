@@ -2,7 +2,9 @@
 #include <lzf.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <optional>
@@ -39,6 +41,7 @@ struct Header {
   Data data = Data::ascii;
   std::size_t lines = 0, bytes = 0;
   bool normals = false, colors = false;
+  std::optional<Vec3d> viewpoint;
 };
 
 std::optional<ScalarType> scalar_type(char type, std::uint32_t size) {
@@ -89,6 +92,17 @@ Result<void> place_fields(const File& file, Place place, Header& header) {
   return {};
 }
 
+/// Where the sensor stood: the first three of seven numbers. The header of a cloud that nobody knows this of has a
+/// viewpoint that moves nothing, or none at all; what is no viewpoint has never been an error.
+std::optional<Vec3d> parse_viewpoint(Words words) {
+  std::array<double, 7> numbers{};
+  for (double& number : numbers)
+    if (!parse_number(words.next(), number) || !std::isfinite(number)) return {};
+  constexpr std::array<double, 7> unmoved = {0, 0, 0, 1, 0, 0, 0};
+  if (numbers == unmoved) return {};
+  return Vec3d{numbers[0], numbers[1], numbers[2]};
+}
+
 Result<Header> parse_header(const File& file) {
   Header header;
   Lines lines(file.text());
@@ -99,7 +113,11 @@ Result<Header> parse_header(const File& file) {
     const Place place = Place::line(lines.number());
     Words words(line);
     const std::string_view key = words.next();
-    if (key[0] == '#' || key == "VIEWPOINT") continue;
+    if (key[0] == '#') continue;
+    if (key == "VIEWPOINT") {
+      header.viewpoint = parse_viewpoint(words);
+      continue;
+    }
     if (key == "VERSION") {
       version = true;
     } else if (key == "FIELDS" || key == "COLUMNS") {
@@ -211,9 +229,7 @@ Result<Geometry> parse_ascii(const File& file, const Header& header) {
       return bad(file, place, in_quotes(extra), " after the last of ", header.columns, " values");
     if (auto added = builder.add(row, place); !added) return tl::unexpected(added.error());
   }
-  auto cloud = builder.finish();
-  if (!cloud) return tl::unexpected(cloud.error());
-  return assemble_geometry(std::move(*cloud), {});
+  return builder.finish();
 }
 
 /// The values of a field that means something: where the first one stands, and how far they are apart.
@@ -243,9 +259,7 @@ Result<Geometry> parse_table(const File& file, const Header& header, std::span<c
     if (auto added = builder.add(row, Place::byte(header.bytes + i * row_bytes)); !added)
       return tl::unexpected(added.error());
   }
-  auto cloud = builder.finish();
-  if (!cloud) return tl::unexpected(cloud.error());
-  return assemble_geometry(std::move(*cloud), {});
+  return builder.finish();
 }
 
 Result<Geometry> parse_binary(const File& file, const Header& header) {
@@ -382,15 +396,11 @@ Result<Geometry> parse_compressed(const File& file, const Header& header) {
 Result<Geometry> parse_pcd(const File& file) {
   auto header = parse_header(file);
   if (!header) return tl::unexpected(header.error());
-  switch (header->data) {
-    case Data::ascii:
-      return parse_ascii(file, *header);
-    case Data::binary:
-      return parse_binary(file, *header);
-    case Data::compressed:
-      break;
-  }
-  return parse_compressed(file, *header);
+  auto geometry = header->data == Data::ascii    ? parse_ascii(file, *header)
+                  : header->data == Data::binary ? parse_binary(file, *header)
+                                                 : parse_compressed(file, *header);
+  if (geometry) geometry->viewpoint = header->viewpoint;
+  return geometry;
 }
 
 }  // namespace bitr::io

@@ -187,9 +187,7 @@ class Body {
       auto read = header_.encoding == Encoding::ascii ? ascii(element) : binary(element);
       if (!read) return tl::unexpected(read.error());
     }
-    auto cloud = builder_.finish();
-    if (!cloud) return tl::unexpected(cloud.error());
-    return assemble_geometry(std::move(*cloud), faces_.finish());
+    return builder_.finish(faces_.finish());
   }
 
  private:

@@ -42,7 +42,10 @@ Result<Geometry> weld(const File& file, const std::vector<Vec3d>& corners) {
     triangles[i / 3][i % 3] = vertex[i];
   }
   if (triangles.empty()) return refuse(ErrorCode::bad_file, file, "no triangles");
-  return assemble_geometry(std::move(cloud), std::move(triangles));
+  Geometry geometry;
+  geometry.mesh = {cloud.positions, std::move(triangles)};
+  geometry.cloud = std::move(cloud);
+  return geometry;
 }
 
 Result<void> check_finite(const File& file, Place place, const Vec3d& corner) {

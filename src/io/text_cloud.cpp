@@ -138,9 +138,7 @@ Result<Geometry> parse_text(const File& file) {
     if (auto read = read_row(file, place, *columns, line, builder); !read)
       return tl::unexpected(read.error());
   }
-  auto cloud = builder.finish();
-  if (!cloud) return tl::unexpected(cloud.error());
-  return assemble_geometry(std::move(*cloud), {});
+  return builder.finish();
 }
 
 }  // namespace bitr::io

@@ -87,6 +87,16 @@ void spread(const Level& level, const Neighbours& near, std::vector<Vec3d>& norm
   }
 }
 
+/// Where an estimated normal points to, more or less: the viewpoint, or where the given ones around do.
+Vec3d side_of(const Level& level, const Neighbours& near, const std::optional<Vec3d>& viewpoint,
+              const std::vector<Vec3d>& given, std::size_t i) {
+  if (viewpoint) return row(vector(*viewpoint) - vector(level.points[i]));
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (std::size_t k = 0; k < std::min<std::size_t>(near.count[i], normal_neighbours); ++k)
+    sum += vector(given[near.index[i * near.most + k]]);
+  return row(sum);
+}
+
 }  // namespace
 
 Neighbours neighbours(const Level& level, double within, std::size_t most, ThreadPool& pool) {
@@ -111,16 +121,21 @@ Neighbours neighbours(const Level& level, double within, std::size_t most, Threa
   return near;
 }
 
-void estimate_normals(Level& level, const Neighbours& near, ThreadPool& pool) {
+void estimate_normals(Level& level, const Neighbours& near, const std::optional<Vec3d>& viewpoint,
+                      ThreadPool& pool) {
   level.normals.resize(level.size(), Vec3d{});
   level.rim.assign(level.size(), 0);
+  const std::vector<Vec3d> given = level.normals;
   pool.parallel_for(level.size(), 128, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Around found = around(level, near, i);
       level.normals[i] = row(found.normal);
       level.rim[i] = found.rim;
+      if (dot(given[i], given[i]) > 0.25) continue;
+      if (dot(level.normals[i], side_of(level, near, viewpoint, given, i)) < 0) flip(level.normals[i]);
     }
   });
+  level.given_normals = level.given_normals || viewpoint;
 }
 
 std::vector<Vec3d> signed_normals(const Level& level, const Neighbours& near, Signs signs) {

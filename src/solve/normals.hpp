@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/thread_pool.hpp"
@@ -18,9 +19,11 @@ struct Neighbours {
 };
 Neighbours neighbours(const Level& level, double within, std::size_t most, ThreadPool& pool);
 
-/// Fills the normals that are not unit vectors yet with the direction in which the points around spread least,
-/// and marks the rim: points whose neighbours lie to one side.
-void estimate_normals(Level& level, const Neighbours& near, ThreadPool& pool);
+/// Fills the normals that are not unit vectors yet with the direction in which the points around spread least, and marks
+/// the rim: points whose neighbours lie to one side. Where the viewpoint is known they point there, and the level's
+/// signs are its own then; else they agree with the given normals around, if there are any.
+void estimate_normals(Level& level, const Neighbours& near, const std::optional<Vec3d>& viewpoint,
+                      ThreadPool& pool);
 
 /// How signs are chosen. No rule is right for every cloud.
 enum class Signs : std::uint8_t {

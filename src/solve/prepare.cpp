@@ -40,7 +40,7 @@ void make_ready(Level& level, Thinned cloud, double resolution) {
 
 }  // namespace
 
-Prepared prepare(const CloudView& cloud) {
+Prepared prepare(const CloudView& cloud, const std::optional<Vec3d>& viewpoint) {
   Prepared result;
   const bool normals = !cloud.normals.empty();
   std::vector<Vec3d>& points = result.cloud.points;
@@ -58,6 +58,10 @@ Prepared prepare(const CloudView& cloud) {
   }
   if (points.empty()) return result;
   result.centroid = centroid_of(points);
+  if (viewpoint) {
+    result.viewpoint = *viewpoint;
+    for (int a = 0; a < 3; ++a) (*result.viewpoint)[a] -= result.centroid[a];
+  }
   double squares = 0;
   for (Vec3d& point : points)
     for (int a = 0; a < 3; ++a) {
@@ -103,8 +107,8 @@ std::unique_ptr<LevelPair> levels(const Prepared& source, const Prepared& refere
   make_ready(pair->reference, std::move(both[1].cloud), resolution);
   pair->near_source = neighbours(pair->source, reach * resolution, count, pool);
   pair->near_reference = neighbours(pair->reference, reach * resolution, count, pool);
-  estimate_normals(pair->source, pair->near_source, pool);
-  estimate_normals(pair->reference, pair->near_reference, pool);
+  estimate_normals(pair->source, pair->near_source, source.viewpoint, pool);
+  estimate_normals(pair->reference, pair->near_reference, reference.viewpoint, pool);
   return pair;
 }
 

@@ -4,6 +4,7 @@
 #include <bitr/assemble.hpp>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/thread_pool.hpp"
@@ -22,8 +23,9 @@ struct Prepared {
           ///< that does not shrink where points lie by chance
   double radius = 0;  ///< root of the mean squared distance from the centroid
   std::size_t dropped = 0;
+  std::optional<Vec3d> viewpoint = {};  ///< about the centroid
 };
-Prepared prepare(const CloudView& cloud);
+Prepared prepare(const CloudView& cloud, const std::optional<Vec3d>& viewpoint = {});
 
 /// The cloud thinned to about `most` points and no more, but nowhere closer than `least` apart.
 struct Spread {

@@ -3,6 +3,7 @@
 #include <numeric>
 
 #include "api/internal.hpp"
+#include "core/finite.hpp"
 #include "core/guarded.hpp"
 #include "refine/surface.hpp"
 #include "solve/ask.hpp"
@@ -23,17 +24,19 @@ constexpr double same_answer = 0.35;
 // A network's answer that brings more of the points over the inside of the other cloud's surface is none; less than the
 // first takes nothing.
 constexpr double least_conflict = 0.15, most_conflict = 0.45;
-// What a network makes of normals whose signs are guessed was never calibrated.
-constexpr double with_guessed_normals = 0.5;
+// What a network makes of estimated normals was never calibrated.
+constexpr double with_estimated_normals = 0.5;
 
-Prepared prepare_or_refuse(const CloudView& cloud, const std::string& which) {
+Prepared prepare_or_refuse(const CloudView& cloud, const std::optional<Vec3d>& viewpoint,
+                           const std::string& which) {
   const auto refuse = [&](const std::string& why) {
     throw Failure(ErrorCode::invalid_argument, which + ": " + why);
   };
   if (!cloud.normals.empty() && cloud.normals.count != cloud.positions.count)
     refuse(std::to_string(cloud.normals.count) + " normals for " + std::to_string(cloud.positions.count) +
            " points");
-  Prepared prepared = prepare(cloud);
+  if (viewpoint && !is_finite(*viewpoint)) refuse("its viewpoint is not finite");
+  Prepared prepared = prepare(cloud, viewpoint);
   if (prepared.cloud.points.size() < fewest_points)
     refuse(std::to_string(prepared.cloud.points.size()) + " finite points; at least " +
            std::to_string(fewest_points) + " are needed");
@@ -69,9 +72,10 @@ struct Work {
   bool in_doubt() const {
     if (!hopeless.empty()) return false;
     if (settled.confidences.empty() || settled.confidences[0] < sure) return true;
-    return level().source.given_normals && level().reference.given_normals &&
-           settled.poses[0].fit.score < telling_score;
+    return has_normals() && settled.poses[0].fit.score < telling_score;
   }
+  /// Of their own, both clouds.
+  bool has_normals() const { return !source.cloud.normals.empty() && !reference.cloud.normals.empty(); }
 };
 
 SolveEvidence evidence_of(const Fit& f) {
@@ -114,8 +118,8 @@ SolvedPose replied_pose(const Work& work, const Reply& reply) {
 }
 
 Work prepare_pair(const CloudPair& pair, const std::string& which) {
-  Work work{prepare_or_refuse(pair.source, which + "source"),
-            prepare_or_refuse(pair.reference, which + "reference"),
+  Work work{prepare_or_refuse(pair.source, pair.source_viewpoint, which + "source"),
+            prepare_or_refuse(pair.reference, pair.reference_viewpoint, which + "reference"),
             {}};
   work.hopeless = hopeless(work.source, work.reference, work.source.cloud.points.size(),
                            work.reference.cloud.points.size());
@@ -132,7 +136,6 @@ void settle(Work& work, const SolveOptions& options, ThreadPool& pool) {
 
 /// A network knows what it was trained on; of anything else it is as sure. The surfaces say what they can against it.
 void doubt(Work& work) {
-  const bool guessed = !work.level().source.given_normals || !work.level().reference.given_normals;
   for (Reply& reply : work.replies) {
     const Fit f = fit(work.level().source, work.level().reference, reply.T);
     const double conflict = f.source.conflict + f.reference.conflict;
@@ -140,9 +143,10 @@ void doubt(Work& work) {
     if (left < 1)
       reply.reasons.insert(reply.reasons.begin(), "parts of the clouds would be inside each other");
     reply.confidence *= left;
-    if (!guessed) continue;
-    reply.confidence *= with_guessed_normals;
-    reply.reasons.insert(reply.reasons.begin(), "the clouds have no normals, and their signs are guessed");
+    if (work.has_normals()) continue;
+    reply.confidence *= with_estimated_normals;
+    reply.reasons.insert(reply.reasons.begin(),
+                         "the clouds have no normals: a network was shown estimated ones");
   }
 }
 

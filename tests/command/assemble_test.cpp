@@ -112,6 +112,34 @@ TEST_F(Assemble, JsonWithoutAModelHasTheKeysThatScriptsDependOn) {
   }
 }
 
+TEST_F(Assemble, LeavesHolesOutUnlessItIsStrict) {
+  const std::string plain = without_normals(copy.source), holed = folder.path("holed.xyz");
+  std::ofstream(holed) << "nan nan nan\n" << read_text(plain) << "1 inf 2\n";
+  const auto result = [&](const std::string& source) {
+    const Finished finished = run({source, copy.reference, {}}, {"--json", "-"});
+    EXPECT_EQ(finished.status, 0) << finished.err;
+    return nlohmann::json::parse(finished.out);
+  };
+  const auto with = result(holed);
+  EXPECT_EQ(with["dropped"]["source"], 2);
+  EXPECT_EQ(with["dropped"]["reference"], 0);
+  EXPECT_EQ(with["transform"], result(plain)["transform"]);
+  const Finished strict = run({holed, copy.reference, {}}, {"--strict", "-o", folder.path("out.ply")});
+  EXPECT_EQ(strict.status, 2);
+  EXPECT_THAT(strict.err, HasSubstr("holed.xyz: line 1: point 0: x is nan; coordinates must be finite"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path("out.ply")));
+}
+
+TEST_F(Assemble, ViewpointsAreThreeNumbers) {
+  const Finished good = run(copy, {"--viewpoint", "0,0,5", "--source-viewpoint=-1,2,3.5"});
+  EXPECT_EQ(good.status, 0) << good.err;
+  for (const std::string bad : {"0,0", "0,0,up", "1,2,3,4", "0,0,inf"}) {
+    const Finished finished = run(copy, {"--reference-viewpoint", bad});
+    EXPECT_EQ(finished.status, 2) << bad;
+    EXPECT_THAT(finished.err, HasSubstr("\"" + bad + "\" is not three numbers"));
+  }
+}
+
 TEST_F(Assemble, WhatOnlyANetworkUnderstandsNeedsOne) {
   for (const std::vector<std::string>& option : {std::vector<std::string>{"--verify"},
                                                  {"--no-confidence"},

@@ -377,7 +377,7 @@ TEST_F(Batch, TrustsNoLineThatItDidNotWrite) {
            {first + rest, "line 3, where that of pair 1 belongs, is of pair 0"},
            {changed("errors", 5), "has \"errors\" without \"rotation_degrees\""},
            {changed("errors", {{"rotation_degrees", "x"}}), "has \"errors\" without"},
-           {changed("confidence", {{"value", nullptr}}), "has \"confidence\" without"},
+           {changed("confidence", {{"value", nullptr}}), "has a \"confidence\" that is no number"},
            {changed("status", "fine"), "has a status that there is not"},
            {changed("transform", 1), "has no \"transform\""},
            {changed("name", 7), "has no \"name\""},

@@ -120,7 +120,7 @@ TEST_F(BashCompletion, OffersWhatAnOptionTakes) {
   const Words files = {"a b.ply", "bitr.bash", "c.ply", "clouds", "try.sh"};
   EXPECT_THAT(offered({"as"}), ElementsAre("assemble"));
   EXPECT_THAT(offered({"model", "c"}), ElementsAre("convert"));
-  EXPECT_THAT(offered({"assemble", "--ref"}), ElementsAre("--refine"));
+  EXPECT_THAT(offered({"assemble", "--refi"}), ElementsAre("--refine"));
   EXPECT_THAT(offered({"assemble", "a", "--refine", ""}), ElementsAre("icp", "none", "ot"));
   // As readline divides --refine=o.
   EXPECT_THAT(offered({"assemble", "a", "--refine", "="}), ElementsAre("icp", "none", "ot"));

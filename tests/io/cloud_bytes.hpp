@@ -41,11 +41,13 @@ std::string big(Values... values) {
   return raw(std::endian::big, values...);
 }
 
-inline Result<Geometry> parse(const std::string& content, CloudFormat format) {
+inline Result<Geometry> parse(const std::string& content, CloudFormat format,
+                              const ReadOptions& options = {}) {
   // An exact-size copy, so that AddressSanitizer sees a read past the end.
   const std::vector<char> exact(content.begin(), content.end());
-  return parse_geometry(std::as_bytes(std::span(exact)), format, "scan.dat");
+  return parse_geometry(std::as_bytes(std::span(exact)), format, "scan.dat", options);
 }
+inline const ReadOptions strict = {.strict = true};
 
 /// The error's text, or "" when there was none.
 template <class T>

@@ -10,8 +10,12 @@ namespace {
 
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
-Result<Geometry> obj(const std::string& content) { return parse(content, CloudFormat::obj); }
-Result<Geometry> off(const std::string& content) { return parse(content, CloudFormat::off); }
+Result<Geometry> obj(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::obj, options);
+}
+Result<Geometry> off(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::off, options);
+}
 Result<Geometry> stl(const std::string& content) { return parse(content, CloudFormat::stl); }
 
 const std::vector<Vec3d> square = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
@@ -44,7 +48,7 @@ TEST(Obj, NamesABadFace) {
             "scan.dat: line 5: a face uses vertex 0; there are 4 so far");
   EXPECT_EQ(message(obj(square_v + "f 1 2 x/3\n")), "scan.dat: line 5: \"x/3\" is not a face vertex");
   EXPECT_EQ(message(obj("v 0 0\n")), "scan.dat: line 1: a vertex of 2 values; x, y and z need 3");
-  EXPECT_EQ(message(obj("v 0 0 1\nv 0 nan 0\n")),
+  EXPECT_EQ(message(obj("v 0 0 1\nv 0 nan 0\n", strict)),
             "scan.dat: line 2: point 1: y is nan; coordinates must be finite");
 }
 

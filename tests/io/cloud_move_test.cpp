@@ -12,6 +12,7 @@
 
 #include "fuzz/cloud_seeds.hpp"
 #include "io/cloud_bytes.hpp"
+#include "io/formats.hpp"
 #include "support/random_motion.hpp"
 
 namespace bitr::io {
@@ -392,7 +393,9 @@ TEST(MoveCloud, BadFilesAreRefusedAsAReaderRefusesThem) {
         bad = content;
         bad[size] = static_cast<char>(random.uniform(0, 256));
       }
-      const auto read = parse(bad, formats.at(parser));
+      const auto read =
+          parse_file({.bytes = std::as_bytes(std::span(bad)), .name = "scan.dat", .bare_points = true},
+                     formats.at(parser));
       const auto result = move(bad, formats.at(parser), test::random_pose(random));
       if (!read) {
         ASSERT_FALSE(result) << file << " " << size;

@@ -10,7 +10,9 @@
 namespace bitr::io {
 namespace {
 
-Result<Geometry> pcd(const std::string& content) { return parse(content, CloudFormat::pcd); }
+Result<Geometry> pcd(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::pcd, options);
+}
 
 const std::string xyz =
     "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT "
@@ -83,13 +85,24 @@ TEST(Pcd, UnpacksColoursStoredAsFloats) {
   EXPECT_EQ(text->cloud.colors.at(0)[0], 1);
 }
 
-TEST(Pcd, RefusesTheHolesOfOrganisedScansByRow) {
-  EXPECT_EQ(message(pcd(xyz + "DATA ascii\n1 2 3\nnan nan nan\n")),
+TEST(Pcd, StrictRefusesTheHolesOfOrganisedScansByRow) {
+  EXPECT_EQ(message(pcd(xyz + "DATA ascii\n1 2 3\nnan nan nan\n", strict)),
             "scan.dat: line 13: point 1: x is nan; coordinates must be finite");
   const std::string data = "DATA binary\n";
-  EXPECT_EQ(message(pcd(xyz + data + little(1.f, 2.f, 3.f, NAN, NAN, NAN))),
+  EXPECT_EQ(message(pcd(xyz + data + little(1.f, 2.f, 3.f, NAN, NAN, NAN), strict)),
             "scan.dat: byte " + std::to_string(xyz.size() + data.size() + 12) +
                 ": point 1: x is nan; coordinates must be finite");
+}
+
+TEST(Pcd, TellsWhereTheSensorStoodIfItIsSaid) {
+  const auto with = [](const std::string& line) {
+    return pcd(line + "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nDATA ascii\n1 2 3\n");
+  };
+  EXPECT_EQ(with("VIEWPOINT 1 -2.5 3 1 0 0 0\n")->viewpoint, (Vec3d{1, -2.5, 3}));
+  EXPECT_EQ(with("VIEWPOINT 0 0 0 0 1 0 0\n")->viewpoint, (Vec3d{0, 0, 0}));
+  // What writers put there that know nothing, nothing at all, and what is none.
+  for (const char* line : {"VIEWPOINT 0 0 0 1 0 0 0\n", "", "VIEWPOINT 1 2\n", "VIEWPOINT 1 2 nan 1 0 0 0\n"})
+    EXPECT_FALSE(with(line)->viewpoint) << line;
 }
 
 TEST(Pcd, BoundsDecompression) {

@@ -9,7 +9,9 @@
 namespace bitr::io {
 namespace {
 
-Result<Geometry> ply(const std::string& content) { return parse(content, CloudFormat::ply); }
+Result<Geometry> ply(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::ply, options);
+}
 
 std::string xyz_header(const std::string& format, int count) {
   return "ply\nformat " + format + " 1.0\nelement vertex " + std::to_string(count) +
@@ -137,7 +139,7 @@ TEST(Ply, MessagesNameTheValueAndTheLimit) {
   const std::string le = xyz_header("binary_little_endian", 2), text = xyz_header("ascii", 2);
   EXPECT_EQ(message(ply(le + std::string(23, 'x'))),
             "scan.dat: byte 115: 2 rows of \"vertex\" need 24 bytes, 23 remain");
-  EXPECT_EQ(message(ply(text + "1 2 3\n1 nan 3\n")),
+  EXPECT_EQ(message(ply(text + "1 2 3\n1 nan 3\n", strict)),
             "scan.dat: line 9: point 1: y is nan; coordinates must be finite");
   EXPECT_EQ(message(ply(text + "1 2 3\n1 2 1e999\n")),
             "scan.dat: line 9: \"z\" is \"1e999\", not a finite number");
@@ -145,7 +147,7 @@ TEST(Ply, MessagesNameTheValueAndTheLimit) {
             "scan.dat: line 8: \"4\" after the last property of \"vertex\"");
   EXPECT_EQ(message(ply(text + "1 2\n3 4 5 6\n")), "scan.dat: line 8: no value for \"z\"");
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_EQ(message(ply(le + little(0.f, 0.f, 0.f, 0.f, 0.f, nan))),
+  EXPECT_EQ(message(ply(le + little(0.f, 0.f, 0.f, 0.f, 0.f, nan), strict)),
             "scan.dat: byte 127: point 1: z is nan; coordinates must be finite");
 }
 

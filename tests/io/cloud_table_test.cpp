@@ -6,8 +6,12 @@
 namespace bitr::io {
 namespace {
 
-Result<Geometry> table(const std::string& content) { return parse(content, CloudFormat::text); }
-Result<Geometry> npy(const std::string& content) { return parse(content, CloudFormat::npy); }
+Result<Geometry> table(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::text, options);
+}
+Result<Geometry> npy(const std::string& content, const ReadOptions& options = {}) {
+  return parse(content, CloudFormat::npy, options);
+}
 
 TEST(TextCloud, TakesEverySeparator) {
   for (const char* content : {"1 2 3\n-4.5 .25 1e3", "1,2,3\n-4.5,.25,1e3\n", "1\t2\t3\r\n-4.5\t.25\t1e3\r\n",
@@ -58,7 +62,8 @@ TEST(TextCloud, MessagesNameTheLine) {
   EXPECT_EQ(message(table("1 2 3\n\n4 five 6\n")),
             "scan.dat: line 3: column 2 is \"five\", not a finite number");
   EXPECT_EQ(message(table("1,,3\n")), "scan.dat: line 1: column 2 is \"\", not a finite number");
-  EXPECT_EQ(message(table("1 2 inf\n")), "scan.dat: line 1: point 0: z is inf; coordinates must be finite");
+  EXPECT_EQ(message(table("1 2 inf\n", strict)),
+            "scan.dat: line 1: point 0: z is inf; coordinates must be finite");
   EXPECT_EQ(message(table("1 2\n")), "scan.dat: line 1: 2 columns; x, y and z need 3");
   EXPECT_EQ(message(table("x y z\n")), "scan.dat: no points");
   EXPECT_EQ(message(table("# nothing\n")), "scan.dat: no points");

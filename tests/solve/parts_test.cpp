@@ -50,6 +50,33 @@ TEST(SolveParts, ThinningMovesWithTheCloud) {
     EXPECT_LT(apart(T.apply(a.points[i]), b.points[i]), 1e-12);
 }
 
+TEST(SolveParts, EstimatedNormalsPointToTheViewpointOrWhereThoseAroundDo) {
+  Random random(4);
+  PointCloud ball = sphere(random, 3000);
+  ThreadPool pool(2);
+  // From the middle every normal points inwards.
+  const Prepared seen = prepare(ball, Vec3d{0, 0, 0});
+  const auto inward = levels(seen, seen, 1000, 7, 100, pool);
+  ASSERT_TRUE(inward->source.given_normals);
+  for (std::size_t i = 0; i < inward->source.size(); ++i)
+    EXPECT_LT(vector(inward->source.normals[i]).dot(vector(inward->source.points[i])), -0.9);
+  // Half of the normals are missing, the others point outwards.
+  for (const Vec3d& p : ball.positions) {
+    const Vec3f n = {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+    ball.normals.push_back(p[0] > 0 ? n : Vec3f{});
+  }
+  const Prepared some = prepare(ball);
+  const auto outward = levels(some, some, 1000, 7, 100, pool);
+  std::size_t beside = 0;
+  for (std::size_t i = 0; i < outward->source.size(); ++i) {
+    const Eigen::Vector3d p = vector(outward->source.points[i]);
+    if (p.x() < -0.15) continue;
+    beside += p.x() < 0;
+    EXPECT_GT(vector(outward->source.normals[i]).dot(p), 0.9);
+  }
+  EXPECT_GT(beside, 20u);
+}
+
 struct Ready {
   Scene scene = overlapping_hills(3);
   Prepared source = prepare(scene.source), reference = prepare(scene.reference);

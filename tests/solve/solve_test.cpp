@@ -157,7 +157,7 @@ TEST(Solve, NetworksProposeToo) {
   EXPECT_TRUE(nobody.alternatives.empty());
 }
 
-TEST(Solve, GuessedNormalsMakeNoNetworkSure) {
+TEST(Solve, EstimatedNormalsMakeNoNetworkSure) {
   GeneratedPair halves = *generate_pair(
       "aircraft",
       {.points = 1024, .noise = 0.005, .seed = 20006, .protocol = Protocol::opposed, .share = 0.5});
@@ -165,7 +165,7 @@ TEST(Solve, GuessedNormalsMakeNoNetworkSure) {
   halves.reference.normals.clear();
   const Solution solution = solved({halves.source, halves.reference}, 2, {.geometry = false});
   EXPECT_LT(solution.best.confidence, sure);
-  EXPECT_THAT(solution.reasons, testing::Contains(testing::HasSubstr("signs are guessed")));
+  EXPECT_THAT(solution.reasons, testing::Contains(testing::HasSubstr("shown estimated ones")));
 }
 
 TEST(Solve, RestrictionTakesEveryPoseToTheFamily) {
@@ -180,6 +180,16 @@ TEST(Solve, RestrictionTakesEveryPoseToTheFamily) {
   const Solution same = solved(turned.pair(), 2, {.restriction = upright});
   EXPECT_LE(rotation_error_degrees(same.best.T_reference_source, {}), 0.5);
   EXPECT_GE(same.best.confidence, sure);
+}
+
+TEST(Solve, AViewpointIsFinite) {
+  const Scene scene = overlapping_hills(15);
+  CloudPair pair = scene.pair();
+  pair.source_viewpoint = Vec3d{1, 2, std::numeric_limits<double>::infinity()};
+  const auto refused = solve(cpu_device(1), {&pair, 1});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::invalid_argument);
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("source: its viewpoint is not finite"));
 }
 
 TEST(Solve, RowsThatAreNotFiniteAreLeftOut) {
