@@ -16,12 +16,14 @@ const assemble = (source, reference, name, ...more) => {
   return { view, result: JSON.parse(readFileSync(json, 'utf8')) };
 };
 
-let browser, copy, parts;
+let browser, copy, parts, several;
 before(async () => {
   bitr('generate', 'copy', '--out', folder, '--count', '1', '--points', '3000', '--seed', '1');
   bitr('generate', 'aircraft', '--out', folder, '--count', '1', '--points', '2000', '--seed', '20005');
   copy = assemble(inside('copy_000_source.ply'), inside('copy_000_reference.ply'), 'copy', '--complete-match');
-  parts = assemble(inside('aircraft_000_source.ply'), inside('aircraft_000_reference.ply'), 'parts', '--refine');
+  const halves = [inside('aircraft_000_source.ply'), inside('aircraft_000_reference.ply')];
+  parts = assemble(...halves, 'parts', '--model', 'aircraft', '--refine');
+  several = assemble(...halves, 'several');
   browser = await launch();
 });
 after(async () => {
@@ -79,6 +81,26 @@ test('the slider takes a moved copy over its original', async () => {
   assert.ok(overlap(...given) < 0.3, `${overlap(...given)} as given`);
   for (const [a, b] of [[given, between], [between, assembled]]) assert.ok(overlap(a[0], b[0]) < 0.9);
   silent(page);
+});
+
+test('a choice flips through the poses that were found', async () => {
+  const page = await open(browser, several.view);
+  const found = [several.result, ...several.result.alternatives];
+  assert.ok(found.length > 1);
+  assert.equal(await page.locator('#pose option').count(), found.length);
+  const pictures = [];
+  for (const [i, { transform, confidence, proposal }] of found.entries()) {
+    await page.locator('#pose').selectOption({ index: i });
+    const pose = await page.evaluate(() => window.bitr.poseAt(1));
+    pose.flat().forEach((x, k) => assert.ok(Math.abs(x - transform.flat()[k]) < 1e-9, `pose ${i}: ${x}`));
+    const label = await page.locator(`#pose option >> nth=${i}`).textContent();
+    assert.equal(label, `${confidence.toFixed(2)}, ${proposal}`);
+    pictures.push((await picture(page.locator('#scene'), `several_${i}`)).data);
+  }
+  assert.ok(!pictures[0].equals(pictures[1]));
+  silent(page);
+  const one = await open(browser, copy.view);
+  assert.ok(await one.locator('#poses').isHidden());
 });
 
 test('the motion ends at the pose, and is rigid on its way', async () => {
