@@ -56,7 +56,9 @@ inline Result<Geometry> fuzz_geometry(const std::uint8_t* data, std::size_t size
   }
   const Pose T = {{0.36, 0.48, -0.8, -0.8, 0.6, 0, 0.48, 0.64, 0.6}, {1, -2, 3}};
   const auto moved = moved_geometry({reinterpret_cast<const std::byte*>(data), size}, format, "fuzz.dat", T);
-  require(geometry || !moved);
+  // A file may move whose points have no normal here and there, as a scan's.
+  const bool bare = !geometry && geometry.error().message.find(": the normal is ") != std::string::npos;
+  require(geometry || bare || !moved);
   if (!moved) check(moved.error());
   return geometry;
 }
