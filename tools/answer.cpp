@@ -138,7 +138,7 @@ void add_answer_options(CLI::App& app, AnswerChoice& choice, bool judge_unless_t
   add_choice<std::optional<RefineMethod>>(
       app, "--refine", {{"none", std::nullopt}, {"icp", RefineMethod::icp}, {"ot", RefineMethod::transport}},
       choice.refine.method,
-      "Refine the network's pose on all points, by iterated closest points or optimal transport, and keep "
+      "Refine the pose on all points, by iterated closest points or optimal transport, and keep "
       "the "
       "better of the two; see bitr refine")
       ->expected(0, 1)
@@ -236,7 +236,7 @@ Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
 Result<std::vector<Answer>> solve_pairs(const Device& device, std::span<const InputPair> pairs,
                                         const AnswerOptions& options) {
   std::vector<CloudPair> clouds;
-  for (const InputPair& pair : pairs) clouds.push_back(pair.whole());
+  for (const InputPair& pair : pairs) clouds.push_back(pair.seen());
   auto solutions = solve(device, clouds, {.answers = options.answers, .restriction = options.restriction});
   if (!solutions) return tl::unexpected(solutions.error());
   std::vector<Answer> answers;

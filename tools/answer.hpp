@@ -65,7 +65,13 @@ struct Answer {
 struct InputPair {
   const CloudInput &source, &reference;
   CloudPair used() const { return {source.used, reference.used}; }
-  CloudPair whole() const { return {source.cloud, reference.cloud, source.viewpoint, reference.viewpoint}; }
+  /// With what solve() takes besides.
+  CloudPair seen() const {
+    const auto points = [](const CloudInput& input) -> const PointCloud& {
+      return input.used.positions.empty() ? input.cloud : input.used;
+    };
+    return {points(source), points(reference), source.viewpoint, reference.viewpoint};
+  }
 };
 
 /// One network's: it sees the points chosen for it, refinement all of them. Errors as of assemble(), refine_poses() and
@@ -73,7 +79,7 @@ struct InputPair {
 Result<std::vector<Answer>> answer(Plan& plan, std::span<const InputPair> pairs,
                                    const AnswerOptions& options);
 
-/// By solve(), on all points. Errors as of solve() and refine_poses().
+/// By solve(). Errors as of solve() and refine_poses().
 Result<std::vector<Answer>> solve_pairs(const Device& device, std::span<const InputPair> pairs,
                                         const AnswerOptions& options);
 

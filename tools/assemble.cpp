@@ -160,8 +160,9 @@ int finish(const Options& options, const ReadPair& job, const AssemblyReport& re
   return written ? done : complain(written.error());
 }
 
-int run_solve(const Options& options, const ReadPair& job, const AnswerOptions& how, AssemblyReport& report,
+int run_solve(const Options& options, ReadPair& job, const AnswerOptions& how, AssemblyReport& report,
               const Stopwatch& total) {
+  for (CloudInput* input : {&job.source, &job.reference}) choose_points(*input, options.clouds);
   const auto device = open_device(options.run);
   if (!device) return complain(device.error());
   auto answer = solve_job(job, **device, how);
@@ -169,8 +170,8 @@ int run_solve(const Options& options, const ReadPair& job, const AnswerOptions& 
   device->save_cache();
   report.answer = std::move(*answer);
   report.device = &**device;
-  report.source_points = job.source.cloud.size();
-  report.reference_points = job.reference.cloud.size();
+  report.source_points = looked_at(job.source);
+  report.reference_points = looked_at(job.reference);
   report.total_milliseconds = total.milliseconds();
   return finish(options, job, report);
 }

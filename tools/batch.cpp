@@ -127,6 +127,8 @@ class Jobs {
         if (const auto checked = check_normals(*made, *model_); !checked)
           return void(job.problem = checked.error().message);
         choose_points(*made, options_.clouds, *model_);
+      } else {
+        choose_points(*made, options_.clouds);
       }
       *input = std::move(*made);
     }

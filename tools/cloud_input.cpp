@@ -8,9 +8,10 @@
 namespace bitr::tool {
 
 void add_cloud_options(CLI::App& app, CloudOptions& options) {
-  add_count(app, "--points", options.points, 1, most_points,
-            "Points to sample from a mesh (2048 unless given), and the most to use of a cloud; unless given, "
-            "as many as the model was trained on");
+  add_count(
+      app, "--points", options.points, 1, most_points,
+      "Points to sample from a mesh (2048 unless given), and the most to use of a cloud; unless given, all "
+      "of them, or with --model as many as it was trained on");
   add_seed(app, "--seed", options.seed, "Seed of that sampling");
 }
 
@@ -41,6 +42,11 @@ Result<void> check_normals(const CloudInput& input, const Model& model) {
                                        std::to_string(input.cloud.size()) +
                                        " points have no normal, which model " + model.name() +
                                        " reads; without --model they are estimated");
+}
+
+void choose_points(CloudInput& input, const CloudOptions& options) {
+  if (options.points && *options.points < input.cloud.size())
+    input.used = io::subsample(input.cloud, *options.points, options.seed);
 }
 
 void choose_points(CloudInput& input, const CloudOptions& options, const Model& model) {

@@ -24,7 +24,7 @@ struct CloudInput {
   PointCloud cloud;                     ///< as read; a mesh is sampled
   std::size_t holes = 0, bare = 0;      ///< see io::Scan
   std::optional<Vec3d> viewpoint = {};  ///< the file's, or what was said
-  PointCloud used;                      ///< what the network sees
+  PointCloud used;                      ///< what is looked at, if it was chosen; else all of it
 };
 
 /// `used` is empty yet. Errors as of io::read_cloud.
@@ -36,10 +36,12 @@ void warn_of_holes(const CloudInput& input);
 Result<void> check_normals(const CloudInput& input, const Model& model);
 /// Fills `used`: as many points as asked for, or as the model was trained on.
 void choose_points(CloudInput& input, const CloudOptions& options, const Model& model);
+/// Only where fewer are asked for than there are.
+void choose_points(CloudInput& input, const CloudOptions& options);
 /// Whether the model was trained on larger clouds.
 bool too_few_points(const CloudInput& input, const Model& model);
 
-/// Points that the network sees, or all of them where none was chosen.
+/// Points that are looked at.
 std::size_t looked_at(const CloudInput& input);
 
 /// "scan.ply (2048 of 1000000 points)".

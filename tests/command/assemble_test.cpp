@@ -104,6 +104,9 @@ TEST_F(Assemble, JsonWithoutAModelHasTheKeysThatScriptsDependOn) {
     EXPECT_TRUE(json["evidence"].contains(key)) << key;
   EXPECT_TRUE(json["confidence"].is_number());
   EXPECT_EQ(json["diagnostics"]["status"], "ok");
+  EXPECT_EQ(json["points"]["source"], 500);
+  const auto fewer = nlohmann::json::parse(run(copy, {"--json", "-", "--points", "400"}).out);
+  EXPECT_EQ(fewer["points"]["source"], 400);
   ASSERT_GT(json["alternatives"].size(), 0u);
   for (const auto& other : json["alternatives"]) {
     EXPECT_EQ(other["transform"].size(), 4u);
