@@ -1,15 +1,13 @@
 #include <algorithm>
 #include <bitr/solve.hpp>
-#include <numeric>
 
 #include "api/internal.hpp"
 #include "core/finite.hpp"
 #include "core/guarded.hpp"
 #include "refine/surface.hpp"
-#include "solve/ask.hpp"
 #include "solve/belief.hpp"
-#include "solve/pipeline.hpp"
 #include "solve/reasons.hpp"
+#include "solve/weigh.hpp"
 
 namespace bitr {
 namespace {
@@ -17,15 +15,6 @@ namespace {
 using namespace solving;
 
 constexpr std::size_t fewest_points = 3;
-// Only a copy fits like this.
-constexpr double telling_score = 0.9;
-// Poses that turn the source less than 20° against each other are one network's answer, more or less well.
-constexpr double same_answer = 0.35;
-// A network's answer that brings more of the points over the inside of the other cloud's surface is none; less than the
-// first takes nothing.
-constexpr double least_conflict = 0.15, most_conflict = 0.45;
-// What a network makes of estimated normals was never calibrated.
-constexpr double with_estimated_normals = 0.5;
 
 Prepared prepare_or_refuse(const CloudView& cloud, const std::optional<Vec3d>& viewpoint,
                            const std::string& which) {
@@ -58,25 +47,6 @@ Pose uncentred(const Pose& T, const Vec3d& source, const Vec3d& reference) {
   for (int a = 0; a < 3; ++a) result.translation[a] = T.translation[a] - turned[a] + reference[a];
   return result;
 }
-
-/// A pair on its way.
-struct Work {
-  Prepared source, reference;
-  std::string hopeless;  ///< why nothing can be said, if so
-  Settled settled = {};
-  std::vector<Reply> replies = {};
-
-  const LevelPair& level() const { return *settled.level; }
-  /// Thin parts fit turned over as well, and only who knows the whole can tell: so a network that is shown the normals
-  /// it reads is asked unless the surfaces share too much for chance.
-  bool in_doubt() const {
-    if (!hopeless.empty()) return false;
-    if (settled.confidences.empty() || settled.confidences[0] < sure) return true;
-    return has_normals() && settled.poses[0].fit.score < telling_score;
-  }
-  /// Of their own, both clouds.
-  bool has_normals() const { return !source.cloud.normals.empty() && !reference.cloud.normals.empty(); }
-};
 
 SolveEvidence evidence_of(const Fit& f) {
   SolveEvidence e;
@@ -132,72 +102,6 @@ void settle(Work& work, const SolveOptions& options, ThreadPool& pool) {
   if (options.restriction.any()) work.settled = within(options.restriction, std::move(work.settled), pool);
   work.hopeless =
       hopeless(work.source, work.reference, work.level().source.size(), work.level().reference.size());
-}
-
-/// A network knows what it was trained on; of anything else it is as sure. The surfaces say what they can against it.
-void doubt(Work& work) {
-  for (Reply& reply : work.replies) {
-    const Fit f = fit(work.level().source, work.level().reference, reply.T);
-    const double conflict = f.source.conflict + f.reference.conflict;
-    const double left = std::clamp((most_conflict - conflict) / (most_conflict - least_conflict), 0.0, 1.0);
-    if (left < 1)
-      reply.reasons.insert(reply.reasons.begin(), "parts of the clouds would be inside each other");
-    reply.confidence *= left;
-    if (work.has_normals()) continue;
-    reply.confidence *= with_estimated_normals;
-    reply.reasons.insert(reply.reasons.begin(),
-                         "the clouds have no normals: a network was shown estimated ones");
-  }
-}
-
-/// That one of the settled poses is right: which of them may be open.
-double together(const Settled& settled) {
-  return std::accumulate(settled.confidences.begin(), settled.confidences.end(), 0.0);
-}
-
-/// Answers that exclude each other share what is certain. A network that agrees with a settled pose that is sure has
-/// nothing to add: what lies on the surfaces is the more exact.
-void weigh(Work& work) {
-  Settled& settled = work.settled;
-  const Motion motion(work.level().source);
-  const auto differ = [&](const Pose& a, const Pose& b) {
-    return motion.between(a, b) > same_answer * motion.radius();
-  };
-  if (!settled.poses.empty() && settled.confidences[0] >= sure)
-    std::erase_if(work.replies, [&](const Reply& reply) { return !differ(reply.T, settled.poses[0].T); });
-  std::vector<Pose> poses;
-  std::vector<double> confidences;
-  if (!settled.poses.empty()) {
-    poses.push_back(settled.poses[0].T);
-    confidences.push_back(together(settled));
-  }
-  for (const Reply& reply : work.replies) {
-    poses.push_back(reply.T);
-    confidences.push_back(reply.confidence);
-  }
-  const std::vector<double> shared =
-      shared_by_odds(confidences, [&](std::size_t i, std::size_t j) { return differ(poses[i], poses[j]); });
-  std::size_t at = 0;
-  if (!settled.poses.empty()) {
-    const double left = confidences[0] > 0 ? shared[0] / confidences[0] : 1;
-    for (double& confidence : settled.confidences) confidence *= left;
-    ++at;
-  }
-  for (Reply& reply : work.replies) reply.confidence = shared[at++];
-}
-
-/// What a network proposes may lie on the surfaces, too, once it is settled.
-void take_replies(Work& work, std::vector<Reply> replies, const SolveOptions& options, ThreadPool& pool) {
-  if (replies.empty()) return;
-  if (options.geometry) {
-    std::vector<Candidate> candidates;
-    for (const Reply& reply : replies) candidates.push_back({.T = reply.T, .from = reply.model});
-    work.settled = with_more(std::move(work.settled), std::move(candidates), pool);
-    if (options.restriction.any()) work.settled = within(options.restriction, std::move(work.settled), pool);
-  }
-  work.replies = std::move(replies);
-  doubt(work);
-  weigh(work);
 }
 
 struct Ranked {
