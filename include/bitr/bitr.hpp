@@ -1,4 +1,4 @@
-// Everything: read clouds, load a model, make a plan, assemble.
+// Everything: read clouds, solve, or load a model, make a plan, assemble.
 #pragma once
 
 #include <bitr/assemble.hpp>

@@ -138,8 +138,8 @@ TEST_F(BatchLost, GoesOnAfterALossInRefinement) {
 
 // Whatever the second one hits: the new device as it is tried out, or the pairs that are sent again.
 TEST_F(BatchLost, GoesOnAfterTwoLosses) {
-  for (const int at : {1, whole_.submissions / 2})
-    for (int second = at + 1; second <= at + 6; ++second) {
+  for (const auto& [at, least] : {std::pair(1, 1), {whole_.submissions / 2, 2}})
+    for (int second = at + least; second <= at + 6; second += 2) {
       SCOPED_TRACE(std::to_string(at) + ", " + std::to_string(second));
       const Results found = run({"LOSE_DEVICE_AT=" + std::to_string(at) + "," + std::to_string(second)});
       EXPECT_EQ(found.finished.status, 0) << found.finished.err;

@@ -186,7 +186,7 @@ TEST_F(Outputs, SayWhatThereWasNoMemoryFor) {
   for (const Case& one : cases) {
     const std::string& command = one.words[0];
     int named = 0;
-    for (std::uint64_t mebibytes = 20; mebibytes < 200; mebibytes += mebibytes / 4) {
+    for (std::uint64_t mebibytes = 20; mebibytes < 200; mebibytes += mebibytes / 2) {
       const Finished done = run_limited(RLIMIT_AS, mebibytes << 20, one.words);
       // 127: there was no room for the program itself.
       EXPECT_LE(done.status, 127) << command << ", " << mebibytes << " MiB: " << done.err;
